@@ -33,30 +33,6 @@ MESH_CASES = (
         ),
         judge=lambda p: np.allclose(p.parts[0].points, SQUARE),
     ),
-    Probe(
-        "triangle fan",
-        mesh(
-            "a.glb",
-            glb(
-                lambda g: g.primitive.update(
-                    mode=6, indices=g.accessor(np.arange(4, dtype=np.uint8))
-                )
-            ),
-        ),
-        judge=lambda p: len(p.parts[0].faces) == 2,
-    ),
-    Probe(
-        "triangle strip",
-        mesh(
-            "a.glb",
-            glb(
-                lambda g: g.primitive.update(
-                    mode=5, indices=g.accessor(np.array([0, 1, 3, 2], np.uint8))
-                )
-            ),
-        ),
-        judge=lambda p: len(p.parts[0].faces) == 2,
-    ),
     Probe("texture, left", mesh("a.glb", glb(textured)), judge=lambda p: texel(p) == [255, 0, 0]),
     Probe(
         "texture transform",
@@ -104,7 +80,7 @@ MESH_CASES = (
         ),
         judge=lambda p: color(p, (0, 1, 0)),
     ),
-    Probe("Draco", mesh("a.glb", glb(**DRACO)), "Draco.*DracoPy"),
+    Probe("Draco", mesh("a.glb", glb(**DRACO)), "draco.*gltf-transform"),
     Probe("meshopt", mesh("a.glb", glb(**MESHOPT)), "meshopt"),
     Probe(
         "unknown extension",
@@ -186,14 +162,7 @@ MESH_CASES = (
         mesh(
             "a.obj", obj("usemtl a\nf 1/1 2/2 3/3\n", "newmtl a\nmap_Kd C:\\me\\red.png\n", **PNG)
         ),
-        judge=lambda p: "takes red.png" in p.notes[0],
-    ),
-    Probe(
-        "map_Kd with options",
-        mesh(
-            "a.obj", obj("usemtl a\nf 1/1 2/2 3/3\n", "newmtl a\nmap_Kd -s 2 2 1 red.png\n", **PNG)
-        ),
-        judge=lambda p: p.parts[0].uv.max() == 2.0 or p.parts[0].uv.min() == -1.0,
+        judge=lambda p: "is an absolute path" in p.notes[0],
     ),
     Probe(
         "map_Kd that is missing",

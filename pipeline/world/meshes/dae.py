@@ -12,9 +12,8 @@ from lxml import etree
 from pipeline.poses import Floats, matrix, pose, quat_about
 
 from .files import find_file, parse_xml, pixels, read_bytes
-from .part import Ints, MeshError, MeshFile, MeshLook, Part, painted
+from .part import Ints, MeshError, MeshFile, MeshLook, Part
 
-SKIPPED = ("lines", "linestrips")
 DEEPEST = 100  # instances of nodes inside each other
 MOST = 20_000  # placed geometries
 
@@ -71,33 +70,29 @@ class _Reader:
                 yield from self._node(element, at, depth + 1)
             elif element.tag == "instance_node":
                 yield from self._node(self._target(element), at, depth + 1)
-            elif element.tag in ("instance_geometry", "instance_controller"):
+            elif element.tag == "instance_geometry":
                 self._placed += 1
                 if self._placed > MOST:
                     raise MeshError(f"places more than {MOST} geometries")
-                geometry = self._target(element)
-                if geometry.tag == "controller":
-                    self.notes.append("ignores the skin of a mesh: it is drawn as it is stored")
-                    geometry = self._target(_child(geometry, "skin"), "source")
                 materials = {m.get("symbol"): m for m in element.iter("instance_material")}
-                for part in self._geometry(geometry, materials):
+                for part in self._geometry(self._target(element), materials):
                     yield part.moved(at)
 
     def _geometry(self, geometry: Element, materials: dict[str | None, Element]) -> Iterator[Part]:
         mesh = geometry.find("mesh")
         for element in () if mesh is None else mesh.iterchildren(etree.Element):
-            if element.tag in SKIPPED:
+            if element.tag in ("lines", "linestrips"):
                 self.notes.append("leaves out lines")
-            elif element.find("p") is not None or element.find("ph") is not None:
+            elif element.tag in ("triangles", "polylist"):
                 yield self._primitive(element, materials.get(element.get("material")))
+            elif element.find("p") is not None or element.find("ph") is not None:
+                raise MeshError(f"has a <{element.tag}>, which is not read; make it triangles")
 
     def _primitive(self, element: Element, bound: Element | None) -> Part:
-        if element.find("ph") is not None:
-            raise MeshError("has a polygon with a hole (<ph>); make it triangles")
         inputs = [(int(i.get("offset", 0)), i) for i in element.iterfind("input")]
         stride = 1 + max(offset for offset, _ in inputs)
-        rows = [_numbers(p, np.int64).reshape(-1, stride) for p in element.iterfind("p")]
-        corners = np.concatenate(rows)[_triangles(element, [len(row) for row in rows])]
+        rows = _numbers(_child(element, "p"), np.int64).reshape(-1, stride)
+        corners = rows[_triangles(element, len(rows))]
         chosen = {i.get("semantic"): (offset, i) for offset, i in reversed(inputs)}
         offset, vertex = chosen["VERTEX"]
         sources = {i.get("semantic"): i for i in self._target(vertex, "source").iterfind("input")}
@@ -105,18 +100,13 @@ class _Reader:
         if not len(which) or which.min() < 0 or which.max() >= len(points):
             raise MeshError("has a triangle of vertices that it does not hold")
         part = Part(points[which].reshape(-1, 3), np.arange(which.size).reshape(-1, 3))
-
-        def at_corners(semantic: str, width: int) -> Floats:
-            offset, source = chosen[semantic]
-            return self._source(source)[:, :width][corners[..., offset].ravel()]
-
         look = MeshLook() if bound is None else self._look(self._target(bound, "target"))
         if look.texture is not None and "TEXCOORD" in chosen:
-            return replace(part, look=look, uv=at_corners("TEXCOORD", 2) * [1, -1] + [0, 1])
+            offset, source = chosen["TEXCOORD"]
+            uv = self._source(source)[:, :2][corners[..., offset].ravel()]
+            return replace(part, look=look, uv=uv * [1, -1] + [0, 1])
         if look.texture is not None:
             self.notes.append("has a texture and no coordinates for it: it is not drawn")
-        if bound is None and "COLOR" in chosen:
-            return painted(part, at_corners("COLOR", 3))
         return replace(part, look=MeshLook(look.color))
 
     def _source(self, element: Element) -> Floats:
@@ -205,21 +195,14 @@ def _placement(node: Element) -> Floats:
     return out
 
 
-def _triangles(element: Element, lengths: list[int]) -> Ints:
-    """Triangles (M,3) of a primitive's corners, whose <p> have these lengths."""
-    starts = np.cumsum([0, *lengths])
+def _triangles(element: Element, count: int) -> Ints:
+    """Triangles (M,3) of a primitive's `count` corners."""
     if element.tag == "triangles":
-        return np.arange(starts[-1] // 3 * 3).reshape(-1, 3)
-    if element.tag == "polylist":
-        counts = np.array(element.findtext("vcount", "").split(), np.int64)
-        starts = np.cumsum([0, *counts])
-        if starts[-1] != lengths[0]:
-            raise MeshError("has a <polylist> whose vcount does not fit its corners")
-    elif element.tag not in ("polygons", "trifans", "tristrips"):
-        raise MeshError(f"has a <{element.tag}>, which is not read; make it triangles")
-    faces = []
-    for start, end in zip(starts[:-1].tolist(), starts[1:].tolist(), strict=True):
-        for k in range(start + 1, end - 1):
-            strip = (k - 1, k, k + 1) if (k - start) % 2 else (k, k - 1, k + 1)
-            faces.append(strip if element.tag == "tristrips" else (start, k, k + 1))
+        return np.arange(count // 3 * 3).reshape(-1, 3)
+    counts = np.array(element.findtext("vcount", "").split(), np.int64)
+    starts = np.cumsum([0, *counts])
+    if starts[-1] != count:
+        raise MeshError("has a <polylist> whose vcount does not fit its corners")
+    polygons = zip(starts[:-1].tolist(), starts[1:].tolist(), strict=True)
+    faces = [(start, k, k + 1) for start, end in polygons for k in range(start + 1, end - 1)]
     return np.array(faces, np.int64).reshape(-1, 3)

@@ -14,21 +14,15 @@ import numpy as np
 from pipeline.poses import Floats, matrix, pose
 
 from .files import MAX_TRIANGLES, find_file, pixels, read_bytes
-from .part import Ints, MeshError, MeshFile, MeshLook, Part, painted, srgb, tinted
+from .part import MeshError, MeshFile, MeshLook, Part, painted, srgb, tinted
 
 MAGIC, JSON, BINARY = 0x46546C67, 0x4E4F534A, 0x004E4942
 TYPES = dict(zip((5120, 5121, 5122, 5123, 5125, 5126), map(np.dtype, "bBhHIf"), strict=True))
 WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
-COMPRESSED = {
-    "KHR_draco_mesh_compression": "Draco",
-    "EXT_meshopt_compression": "meshopt",
-    "KHR_meshopt_compression": "meshopt",
-}
+PACKED = re.compile("(KHR|EXT)_(draco_mesh|meshopt)_compression")
 READ = {"KHR_mesh_quantization", "KHR_texture_transform", "EXT_texture_webp", "KHR_materials_unlit"}
-INSTANCES = "EXT_mesh_gpu_instancing"
 LOOKS = re.compile("(KHR|EXT|MSFT)_(materials|lights|texture)_")
-POINTS, STRIP, FAN = (0, 1, 2, 3), 5, 6
-REPEAT = 10497
+TRIANGLES = 4
 MAX_NODES = 50_000
 
 
@@ -48,9 +42,8 @@ def read_gltf(file: Path, within: Path) -> MeshFile:
 
 
 def _refuse_packed(extensions: dict[str, Any]) -> None:
-    for name in sorted(COMPRESSED.keys() & extensions.keys()):
-        fix = "unpack it first, with `gltf-transform copy`"
-        raise MeshError(f"is packed by {COMPRESSED[name]}: {fix} ({name})")
+    for name in filter(PACKED.fullmatch, extensions):
+        raise MeshError(f"is packed by {name}: unpack it first, with `gltf-transform copy`")
 
 
 class _Document:
@@ -67,11 +60,11 @@ class _Document:
         for name in sorted(required | set(self.document.get("extensionsUsed", ()))):
             if name in required or name.startswith("KHR_draco"):
                 _refuse_packed({name: None})
-            if name == INSTANCES:
-                raise MeshError(f"has instances of a mesh on the GPU: make them nodes ({name})")
-            if name in required - READ and not LOOKS.match(name):
+            if name == "EXT_mesh_gpu_instancing" or (
+                name in required - READ and not LOOKS.match(name)
+            ):
                 raise MeshError(f"requires the extension {name[:60]!r}, which is not read")
-            if name not in READ | COMPRESSED.keys():
+            if name not in READ and not PACKED.fullmatch(name):
                 self.notes.append(f"ignores the extension {name[:60]!r}")
 
     def _uri(self, uri: str) -> bytes:
@@ -156,9 +149,9 @@ class _Document:
             todo += [(child, at) for child in reversed(node.get("children", ()))]
 
     def _primitive(self, primitive: dict[str, Any]) -> Part | None:
-        at, mode = primitive["attributes"], primitive.get("mode", 4)
-        if mode in POINTS:
-            self.notes.append("leaves out points or lines")
+        at = primitive["attributes"]
+        if primitive.get("mode", TRIANGLES) != TRIANGLES:
+            self.notes.append("leaves out points, lines, strips or fans")
             return None
         _refuse_packed(primitive.get("extensions", {}))
         if "targets" in primitive:
@@ -167,19 +160,17 @@ class _Document:
         corners = np.arange(len(points))
         if "indices" in primitive:
             corners = self.array(primitive["indices"]).astype(np.int64).ravel()
-        return self._looked(Part(points, _triangles(corners, mode)), at, primitive.get("material"))
+        faces = corners[: len(corners) // 3 * 3].reshape(-1, 3)
+        a, b, c = faces.T
+        part = Part(points, faces[(a != b) & (b != c) & (c != a)])
+        return self._looked(part, at, primitive.get("material"))
 
     def _looked(self, part: Part, at: dict[str, int], number: int | None) -> Part:
         material = {} if number is None else self.document["materials"][number]
         if material.get("alphaMode") == "BLEND":
             self.notes.append("draws a transparent surface as opaque")
         surface = material.get("pbrMetallicRoughness", {})
-        factor = surface.get("baseColorFactor", (1, 1, 1, 1))
-        old = material.get("extensions", {}).get("KHR_materials_pbrSpecularGlossiness")
-        if old is not None and not surface:
-            factor = old.get("diffuseFactor", (1, 1, 1, 1))
-            surface = {"baseColorTexture": old.get("diffuseTexture")}
-        factor = np.array(factor[:3], float)
+        factor = np.array(surface.get("baseColorFactor", (1, 1, 1))[:3], float)
         shades = self.array(at["COLOR_0"])[:, :3] if "COLOR_0" in at else None
         if shades is not None and len(shades) != len(part.points):
             raise MeshError("has colors of other vertices than it holds")
@@ -187,8 +178,7 @@ class _Document:
         uv = self._uv(info, at, len(part.points)) if info else None
         if info and uv is not None and (image := self._texture(info["index"])) is not None:
             if shades is not None:
-                self.notes.append("has a texture and colors of vertices: the mean of these is used")
-                factor = factor * shades.mean(0)
+                self.notes.append("has a texture and colors of vertices: these are not drawn")
             look = MeshLook((1.0, 1.0, 1.0), tinted(image, srgb(factor)))
             return Part(part.points, part.faces, look, uv)
         if shades is not None:
@@ -209,13 +199,7 @@ class _Document:
         turn = change.get("rotation", 0.0)
         cos, sin = np.cos(turn), np.sin(turn)
         uv = uv * change.get("scale", (1, 1)) @ np.array([[cos, -sin], [sin, cos]])
-        uv = uv + change.get("offset", (0, 0))
-        texture = self.document["textures"][info["index"]]
-        sampler = self.document["samplers"][texture["sampler"]] if "sampler" in texture else {}
-        wraps = {sampler.get(wrap, REPEAT) for wrap in ("wrapS", "wrapT")}
-        if wraps != {REPEAT} and (uv.min() < 0 or uv.max() > 1):
-            self.notes.append("repeats a texture that is to be clamped or mirrored")
-        return uv
+        return uv + change.get("offset", (0, 0))
 
     def _texture(self, number: int) -> np.ndarray | None:
         """Pixels (H,W,4); None for an unknown format."""
@@ -239,16 +223,3 @@ def _matrix(node: dict[str, Any]) -> Floats:
     x, y, z, w = node.get("rotation", (0, 0, 0, 1))
     placed = matrix(pose(node.get("translation", (0, 0, 0)), (w, x, y, z)))
     return placed @ np.diag([*node.get("scale", (1, 1, 1)), 1.0])
-
-
-def _triangles(corners: Ints, mode: int) -> Ints:
-    if mode == STRIP:
-        faces = np.stack([corners[:-2], corners[1:-1], corners[2:]], 1)
-        faces[1::2] = faces[1::2, ::-1]
-    elif mode == FAN:
-        first = np.broadcast_to(corners[:1], len(corners) - 2)
-        faces = np.stack([first, corners[1:-1], corners[2:]], 1)
-    else:
-        faces = corners[: len(corners) // 3 * 3].reshape(-1, 3)
-    a, b, c = faces.T
-    return faces[(a != b) & (b != c) & (c != a)]

@@ -1,31 +1,21 @@
 """Reads Wavefront OBJ with MTL: faces by material, Kd, map_Kd, vertex colors."""
 
-import re
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 
 from pipeline.poses import Floats
 
-from .files import find_file, pixels, read_bytes, similar
+from .files import find_file, pixels, read_bytes
 from .part import Color, MeshError, MeshFile, MeshLook, Part, painted, tinted
 
-NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?", re.IGNORECASE).fullmatch
-SEVERAL = {"-s": 3, "-o": 3, "-t": 3, "-mm": 2}
-"""How many numbers an option of a texture has at most; the others have one word."""
 
-
-@dataclass(frozen=True)
-class _Material:
-    """Kd (sRGB), texture file, change of coordinates."""
-
+class _Material(NamedTuple):
     kd: Color | None = None
     texture: str = ""
-    scale: tuple[float, float] = (1.0, 1.0)
-    offset: tuple[float, float] = (0.0, 0.0)
 
 
 type _Place = tuple[Path, Path, list[str]]
@@ -78,13 +68,14 @@ def read_obj(file: Path, within: Path) -> MeshFile:
             continue
         if name and name not in library:
             notes.append(f"uses the material {name[:60]!r}, which no mtllib holds: it has no color")
-        part, shade = _gather(faces, at, texels, colors)
-        material, image = library.get(name, _Material()), None
-        if material.texture and part.uv is None:
-            notes.append("has a texture and no coordinates for it: the color alone is used")
-        elif material.texture and (path := _find(material.texture, "texture", place)):
-            image = pixels(read_bytes(path))
-        parts.append(_looked(part, shade, material, image))
+        corners = np.array(faces)
+        if (corners.max(0) >= (len(at), max(len(texels), 1))).any():
+            raise MeshError("has a triangle of vertices that it does not hold")
+        used, index = np.unique(corners, axis=0, return_inverse=True)
+        uv = texels[used[:, 1]] if len(texels) and used[:, 1].min() >= 0 else None
+        part = Part(at[used[:, 0]], index.reshape(-1, 3), uv=uv)
+        shade = None if colors is None else colors[used[:, 0]]
+        parts.append(_looked(part, shade, library.get(name, _Material()), place))
     return MeshFile(tuple(parts), tuple(dict.fromkeys(notes)))
 
 
@@ -109,48 +100,36 @@ def _vertices(points: list[list[float]], notes: list[str]) -> tuple[Floats, Floa
     return at, np.array([(*point[3:], 1, 1, 1)[:3] for point in points], float)
 
 
-def _gather(
-    faces: _Corners, at: Floats, texels: Floats, colors: Floats | None
-) -> tuple[Part, Floats | None]:
-    """Triangles of one material, and its points' colors (P,3), if any."""
-    corners = np.array(faces)
-    if (corners.max(0) >= (len(at), max(len(texels), 1))).any():
-        raise MeshError("has a triangle of vertices that it does not hold")
-    used, index = np.unique(corners, axis=0, return_inverse=True)
-    uv = texels[used[:, 1]] if len(texels) and used[:, 1].min() >= 0 else None
-    part = Part(at[used[:, 0]], index.reshape(-1, 3), uv=uv)
-    return part, None if colors is None else colors[used[:, 0]]
-
-
-def _looked(part: Part, shade: Floats | None, material: _Material, image: Any) -> Part:
-    kd, uv = np.array(material.kd or (1.0, 1.0, 1.0)), part.uv
-    if image is not None and uv is not None:
-        uv = (uv * material.scale + material.offset) * [1, -1] + [0, 1]
-        return replace(part, look=MeshLook((1.0, 1.0, 1.0), tinted(image, kd)), uv=uv)
+def _looked(part: Part, shade: Floats | None, material: _Material, place: _Place) -> Part:
+    """The part in its texture, its points' colors `shade` (P,3), or its color."""
+    kd, path = np.array(material.kd or (1.0, 1.0, 1.0)), None
+    if material.texture and part.uv is None:
+        place[2].append("has a texture and no coordinates for it: the color alone is used")
+    elif material.texture:
+        path = _find(material.texture, "texture", place)
+    if path is not None and part.uv is not None:
+        look = MeshLook((1.0, 1.0, 1.0), tinted(pixels(read_bytes(path)), kd))
+        return replace(part, look=look, uv=part.uv * [1, -1] + [0, 1])
     if shade is not None:
         return painted(part, shade * kd)
     return replace(part, look=MeshLook(material.kd), uv=None)
 
 
 def _find(name: str, what: str, place: _Place) -> Path | None:
-    """The file that an OBJ or MTL names as its `what`, or one of about this name. A note says what
-    was taken, or that it is missing."""
+    """The file that an OBJ or MTL names as its `what`; None and a note if it is missing."""
     file, within, notes = place
     try:
         return find_file(name, file.parent, within)
     except MeshError as error:
         if "outside of" in str(error):
             raise
-        last = name.replace("\\", "/").rpartition("/")[2]
-        guess = similar(name, file.parent, within) or similar(last, file.parent, within)
-        missing = f"has no {what}: {error}; it is drawn without"
-        notes.append(f"takes {guess.name} for the {what} {name!r}" if guess else missing)
-        return guess
+        notes.append(f"has no {what}: {error}; it is drawn without")
+        return None
 
 
 def _read_library(name: str, place: _Place) -> dict[str, _Material]:
     """Materials of an MTL; if missing none, and a note."""
-    path, notes = _find(name, "material library", place), place[2]
+    path = _find(name, "material library", place)
     materials: dict[str, _Material] = {}
     current = ""
     for word, rest in _lines(read_bytes(path)) if path else ():
@@ -158,36 +137,10 @@ def _read_library(name: str, place: _Place) -> dict[str, _Material]:
             current = rest
             materials[current] = _Material()
         elif word == "Kd" and current in materials:
-            materials[current] = replace(materials[current], kd=_color(rest))
+            r, g, b = np.clip([float(v) for v in (rest.split() * 3)[:3]], 0, 1).tolist()
+            materials[current] = materials[current]._replace(kd=(r, g, b))
         elif word.lower() == "map_kd" and current in materials:
-            materials[current] = _mapped(materials[current], rest, notes)
+            materials[current] = materials[current]._replace(texture=rest)
         elif word in ("d", "Tr") and float(rest.split()[-1]) != (1.0 if word == "d" else 0.0):
-            notes.append("draws a transparent material as opaque")
+            place[2].append("draws a transparent material as opaque")
     return materials
-
-
-def _color(text: str) -> Color:
-    values = text.split()
-    if values[0] in ("spectral", "xyz"):
-        raise MeshError(f"has a color Kd {values[0]}, which is not read; write it as three numbers")
-    r, g, b = np.clip([float(v) for v in (values * 3)[:3]], 0, 1).tolist()
-    return (r, g, b)
-
-
-def _mapped(material: _Material, text: str, notes: list[str]) -> _Material:
-    """The texture of a line map_Kd: options first, then the name."""
-    words = text.split()
-    values: dict[str, list[float]] = {"-s": [], "-o": []}
-    while len(words) > 1 and words[0].startswith("-"):
-        option, numbers = words.pop(0), list[float]()
-        while len(words) > 1 and len(numbers) < SEVERAL.get(option, 0) and NUMBER(words[0]):
-            numbers.append(float(words.pop(0)))
-        if option in values:
-            values[option] = numbers
-            continue
-        if option not in SEVERAL:
-            words.pop(0)
-        notes.append(f"ignores the option {option} of a texture")
-    u, v, *_ = (*values["-s"], 1.0, 1.0)
-    x, y, *_ = (*values["-o"], 0.0, 0.0)
-    return replace(material, texture=" ".join(words), scale=(u, v), offset=(x, y))

@@ -18,7 +18,7 @@ from .dae import read_dae
 from .files import MAX_TRIANGLES, read_bytes
 from .gltf import read_gltf
 from .obj import read_obj
-from .part import Ints, MeshError, MeshFile, MeshLook, Part, joined, painted, stacked
+from .part import Ints, MeshError, MeshFile, Part, joined, painted, stacked
 
 PLAIN = (0.8, 0.8, 0.8)
 CREASE = 40.0
@@ -126,10 +126,6 @@ def _read_bare(file: Path, within: Path) -> MeshFile:
     visual: Any = mesh.visual
     if visual.kind == "vertex" and len(visual.vertex_colors) == len(part.points):
         part = painted(part, np.asarray(visual.vertex_colors, float)[:, :3] / 255)
-    elif visual.kind == "face" and len(visual.face_colors) == len(part.faces):
-        corners = part.points[part.faces].reshape(-1, 3)
-        shades = np.repeat(np.asarray(visual.face_colors, float)[:, :3] / 255, 3, axis=0)
-        part = painted(Part(corners, np.arange(len(corners)).reshape(-1, 3), MeshLook()), shades)
     return MeshFile((part,))
 
 

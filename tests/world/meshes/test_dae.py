@@ -28,12 +28,10 @@ def test_each_material_has_its_diffuse_color(tmp_path):
     "primitive",
     [
         f"<polylist count='1'>{VERTEX}<vcount>4</vcount><p>0 1 2 3</p></polylist>",
-        f"<polygons count='1'>{VERTEX}<p>0 1 2 3</p></polygons>",
-        f"<trifans count='1'>{VERTEX}<p>0 1 2 3</p></trifans>",
-        f"<tristrips count='1'>{VERTEX}<p>0 1 3 2</p></tristrips>",
+        f"<triangles count='2'>{VERTEX}<p>0 1 2 0 2 3</p></triangles>",
     ],
 )
-def test_every_kind_of_polygon_makes_the_same_square(tmp_path, primitive):
+def test_polygons_and_triangles_make_the_same_square(tmp_path, primitive):
     (part,) = read_mesh(dae(tmp_path / "a.dae", primitives=[primitive])).parts
     a, b, c = part.points[part.faces].transpose(1, 0, 2)
     assert_allclose(np.cross(b - a, c - a).sum(0) / 2, [0, 0, 1])
@@ -76,7 +74,12 @@ def test_a_texture_is_read_by_way_of_its_sampler(tmp_path):
         ("<COLLADA", '<!DOCTYPE a [<!ENTITY b "c">]><COLLADA', "declares a document type"),
         ("</COLLADA>", "", "not readable as XML"),
         ("<p>0 1 2 0 2 3</p>", "<p>0 1 2 0 2 9</p>", "vertices that it does not hold"),
-        ("<p>0 1 2 0 2 3</p>", "<ph><p>0 1 2 0 2 3</p></ph>", "polygon with a hole"),
+        ("<p>0 1 2 0 2 3</p>", "<ph><p>0 1 2 0 2 3</p></ph>", "without a <p>"),
+        (
+            "<p>0 1 2 0 2 3</p></triangles>",
+            "</triangles><trifans><p>0 1</p></trifans>",
+            "without a <p>",
+        ),
         ('url="#g"', 'url="#gone"', "names '#gone', which the file does not hold"),
         ("<node>", "<node><skew>1 2 3</skew>", "places a node by <skew>"),
         (
