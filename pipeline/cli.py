@@ -24,7 +24,7 @@ MODULES = {
     "export": ("export", "publish"),
     "annotate": ("annotate",),
     "evaluate": ("evaluate",),
-    "compare": ("compare", "check_result", "results", "paper_table"),
+    "compare": ("compare", "check_result", "results"),
     "serve": ("freeze", "serve_policy"),
     "stores": ("pull", "push"),
     "catalogue": (

@@ -1,4 +1,4 @@
-"""compare, check-result, paper-table, results."""
+"""compare, check-result, results."""
 
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -16,16 +16,6 @@ from .common import (
     print_result,
     table,
 )
-from .evaluate import (
-    Baselines,
-    ClockText,
-    Episodes,
-    InProcess,
-    PolicyText,
-    Results,
-    named_policy,
-)
-from .options import Given, recipe_options
 
 NONE_AGAIN = "none carried out again, so consistent forgeries pass: add --again N"
 
@@ -169,71 +159,6 @@ def check_result(
     print_result(vars(checked), as_json, "\n".join(text))
     if checked.faults:
         raise typer.Exit(1)
-
-
-@recipe_options("rules", "cameras", files=(), rules="domino")
-def paper_table(
-    given: Given,
-    name: Annotated[
-        str, argument("One of those in docs/evaluation.md, such as main.", metavar="NAME")
-    ],
-    policy: PolicyText,
-    tasks: Annotated[str, option("Only these of its tasks, such as click_bell.")] = "",
-    episodes: Episodes = 100,
-    clock: ClockText = None,
-    baselines: Baselines = False,
-    in_process: InProcess = False,
-    executor: Executor = "auto",
-    workers: Workers = None,
-    out: Results = Path("OUT"),
-    as_json: AsJson = False,
-) -> None:
-    """Evaluate a policy as in an experiment of the DOMINO paper and print it beside the published
-    rows."""
-    from pipeline.evaluate.evaluate import evaluate as run_evaluation
-    from pipeline.evaluate.scoring.paper import beside, differences, experiment
-    from pipeline.run.evaluation import evaluation_of, runner
-
-    published = experiment(name)
-    recipe = given.recipe(
-        rules="domino",
-        tasks=tuple(tasks.split(",")) if tasks else published.tasks,
-        levels=published.levels,
-        alpha=published.alpha,
-        embodiments="aloha",
-    )
-    evaluation = evaluation_of(
-        recipe,
-        recipe.setup.override({"textures": "unseen"}),
-        named_policy(policy, in_process),
-        clock or "",
-        episodes=episodes,
-        baselines=baselines,
-    )
-    outcome = run_evaluation(evaluation, out, runner(crew_of(executor, workers, None)))
-    means = outcome.means
-    rows = beside(published, [*means, *outcome.baselines])
-    apart = differences(published, episodes, means[0]["rules"], means[0]["clock"])
-    apart += [f"tasks {tasks} alone"] if tasks else []
-    lines = [
-        (
-            row["method"] if row["paper"] else f"-> {row['method']}",
-            *(row["level"], row["category"]),
-            *(_number(row, key) for key in ("success_rate", "manipulation_score")),
-        )
-        for row in rows
-    ]
-    text = [published.title, "", table(("method", "level", "tasks", "SR %", "MS"), lines)]
-    text += ["", "-> differs from the paper:", *(f"   {line}" for line in apart)]
-    values = {"experiment": name, "rows": rows, "differences": apart, "episodes": str(out)}
-    print_result(values, as_json, "\n".join(text))
-
-
-def _number(row: Values, key: str) -> str:
-    interval = row.get(f"{key}_interval")
-    if row["paper"] or interval is None:
-        return f"{row[key]:g}"
-    return f"{row[key]:.1f} ({interval[0]:.1f}-{interval[1]:.1f})"
 
 
 def results(

@@ -258,6 +258,17 @@ def paper(
 
 
 @app.command(cls=Verb)
+def table(
+    name: Annotated[str, typer.Argument(help="An experiment of the paper, such as main.")],
+    out: Annotated[Path, typer.Argument(help="The --out of a domino-data evaluate.")],
+) -> None:
+    """Print an evaluation beside the published rows of an experiment of the DOMINO paper."""
+    from training.puma.table import printed
+
+    print("\n".join(printed(name, out)))
+
+
+@app.command(cls=Verb)
 def many(
     out: Out,
     tasks: Annotated[
@@ -289,16 +300,8 @@ def many(
     from pipeline.run.names import check_known
     from pipeline.tasks import TASKS
     from pipeline.tasks.contract import expand_tasks
-    from training.puma.many import (
-        CONDITIONS,
-        SPENT,
-        STAGES,
-        Many,
-        commands,
-        estimate,
-        results,
-        table,
-    )
+    from training.puma import many as mixture
+    from training.puma.many import CONDITIONS, SPENT, STAGES, Many, commands, estimate, results
 
     full = Many.full(out)
     named = expand_tasks(tasks.split(",")) if tasks else full.tasks
@@ -326,7 +329,7 @@ def many(
     if plan:
         return
     _run(commands(wanted))
-    text = table(wanted)
+    text = mixture.table(wanted)
     (out / "table.md").write_text(text + "\n")
     lines = [json.dumps(row) + "\n" for row in results(wanted)]
     (out / "rows.jsonl").write_text("".join(lines))

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from training.puma.errors import TrainError
+from training.puma.table import experiment
 
 STILL, MOVING = "level = 0", "level > 0"
 
@@ -27,7 +28,7 @@ class PaperNetwork:
 
 @dataclass(frozen=True)
 class PaperStudy:
-    """Recipe (manifests/paper/), networks, and the experiment of `domino-data paper-table`."""
+    """Recipe (manifests/paper/), networks, and its experiment in table.yaml."""
 
     manifest: str
     networks: tuple[PaperNetwork, ...]
@@ -165,7 +166,7 @@ def commands(
         policy = str(checkpoint.newest(out / network.label) / "policy.py")
         # a policy that is told the future must be in the process of the simulation
         where = ("--in-process",) if network.config == "-oracle" else ()
-        table = ("paper-table", found.table, "--policy", policy, *where)
-        yield Command(
-            "domino-data", (*table, "--out", str(out / f"table-{network.label}"), *size.table)
-        )
+        tried = str(out / f"table-{network.label}")
+        words = (*experiment(found.table).words(), "--policy", policy, *where, "--out", tried)
+        yield Command("domino-data", ("evaluate", *words, *size.table))
+        yield Command("puma", ("table", found.table, tried))

@@ -5,11 +5,11 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.evaluate.scoring.paper import EXPERIMENTS
 from training.puma.cli import app
 from training.puma.errors import TrainError
 from training.puma.paper import FULL, STUDIES, TINY, study
 from training.puma.reading import names, read_config
+from training.puma.table import EXPERIMENTS
 
 MANIFESTS = Path(__file__).parents[3] / "manifests" / "paper"
 

@@ -1,13 +1,13 @@
-"""The DOMINO paper's closed-loop experiments and printed rows (paper.yaml)."""
+"""The DOMINO paper's closed-loop experiments and printed rows (table.yaml), beside ours."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from pipeline.data.errors import DominoError
 from pipeline.data.parsing import read_yaml
-
-from .summary import Row
+from pipeline.evaluate.scoring.compare import newest
+from pipeline.evaluate.scoring.summary import Row, over_tasks
+from training.puma.errors import TrainError
 
 TEN = (
     *("grab_roller", "handover_block", "place_a2b_left", "place_can_basket", "shake_bottle"),
@@ -16,9 +16,6 @@ TEN = (
 )
 
 EPISODES = 100  # of a task
-
-
-class PaperError(DominoError): ...
 
 
 @dataclass(frozen=True)
@@ -42,9 +39,14 @@ class Experiment:
     tasks: tuple[str, ...] = ("all",)
     alpha: tuple[float, ...] = (0.1,)
 
-    @property
-    def levels(self) -> tuple[int, ...]:
-        return tuple(sorted({row.level for row in self.rows}))
+    def words(self) -> tuple[str, ...]:
+        """The options of `domino-data evaluate` with which the experiment is tried here."""
+        levels = ",".join(map(str, sorted({row.level for row in self.rows})))
+        return (
+            *("--tasks", ",".join(self.tasks), "--levels", levels, "--embodiment", "aloha"),
+            *("--alpha", ",".join(map(str, self.alpha)), "--rules", "domino"),
+            *("--cameras", "head,left,right"),
+        )
 
 
 def _read() -> dict[str, Experiment]:
@@ -65,9 +67,9 @@ EXPERIMENTS = _read()
 
 
 def experiment(name: str) -> Experiment:
-    """An experiment by name. Raises PaperError with the names there are."""
+    """An experiment by name. Raises TrainError with the names there are."""
     if name not in EXPERIMENTS:
-        raise PaperError(f"{name!r} is no experiment of the paper: choose {', '.join(EXPERIMENTS)}")
+        raise TrainError(f"{name!r} is no experiment of the paper: choose {', '.join(EXPERIMENTS)}")
     return EXPERIMENTS[name]
 
 
@@ -104,3 +106,26 @@ def differences(published: Experiment, episodes: int, rules: str, clock: str) ->
             " (--clock step-locked)"
         )
     return out
+
+
+def printed(name: str, out: Path) -> Iterator[str]:
+    """Lines of a table: the rows of an evaluation in `out` beside those of an experiment, and what
+    differs. Raises TrainError, CompareError."""
+    published, means = experiment(name), over_tasks(newest(out))
+    yield f"{published.title}\n"
+    for row in beside(published, means):
+        method = row["method"] if row["paper"] else f"-> {row['method']}"
+        scores = (_number(row, key) for key in ("success_rate", "manipulation_score"))
+        yield f"{method:32} {row['level']} {row['category']:13} {'  '.join(scores)}"
+    first = means[0]
+    apart = differences(
+        published, first["episodes"] // first["tasks"], first["rules"], first["clock"]
+    )
+    yield from ("\n-> differs from the paper:", *(f"   {line}" for line in apart))
+
+
+def _number(row: Row, key: str) -> str:
+    if row["paper"]:
+        return f"{row[key]:g}"
+    low, high = row[f"{key}_interval"]
+    return f"{row[key]:.1f} ({low:.1f}-{high:.1f})"
