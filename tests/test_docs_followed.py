@@ -130,10 +130,6 @@ def test_the_page_on_robots(checkout):
     (checkout.parent / "home/vendor/my_arm.urdf").write_text((ours / "robot.urdf").read_text())
     shutil.copytree(ours / "meshes", checkout.parent / "home/vendor/meshes")
     shutil.copytree(ours, checkout / "embodiments/their-arm")
-    (checkout / "embodiments/their-arm/config.yml").write_text(
-        "urdf_path: robot.urdf\narm_joints_name: [[joint1], [joint1]]\ngripper_scale: [0.0, 0.04]\n"
-        "gripper_name: [{base: joint7, mimic: [[joint8, 1.0, 0.0]]}]\n"
-    )
     follow("add_a_robot.md", checkout)
     assert [
         len(list((checkout / "out" / name / "episodes").rglob("*.hdf5")))

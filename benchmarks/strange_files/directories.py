@@ -5,7 +5,6 @@ import os
 from benchmarks.strange_files.making import Probe, cone, glb, link, object_directory
 from pipeline.intake.objects.add import draft_all
 from pipeline.intake.objects.draft import ObjectOptions
-from pipeline.intake.robots.add import RobotOptions, draft_robot
 
 DIRECTORY_CASES = (
     # directories, textures, light
@@ -16,14 +15,6 @@ DIRECTORY_CASES = (
     ),
     Probe("object.toml that is /dev/zero", object_directory(link("/dev/zero")), "object.toml"),
     Probe("object.toml that is a pipe", object_directory(os.mkfifo), "object.toml"),
-    Probe(
-        "config.yml with a tag",
-        lambda f: (
-            (f / "config.yml").write_text("a: !!python/object/apply:os.system [touch gone]"),
-            draft_robot(f, RobotOptions("m", f)),
-        )[1],
-        "config.yml",
-    ),
     Probe(
         "model_data of 100,000 levels",
         lambda f: (

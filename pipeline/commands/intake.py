@@ -147,9 +147,7 @@ robots_app = typer.Typer(no_args_is_help=True, help="Add robots from files.", ri
 
 @robots_app.command("add", cls=Verb)
 def robots_add(
-    source: Annotated[
-        Path, argument("A URDF or MJCF, a directory with a URDF, or an embodiment of RoboTwin.")
-    ],
+    source: Annotated[Path, argument("A URDF or MJCF, or a directory with a URDF.")],
     name: Annotated[str, option("Name of the robot, e.g. xarm6.")],
     to: Annotated[
         Path, option("A directory of plugins; the robot is written to TO/robots/NAME.")

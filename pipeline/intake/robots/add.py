@@ -4,12 +4,11 @@ import tempfile
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from pipeline.data.names import NONE, is_name
-from pipeline.data.parsing import ParseError, read_yaml
 from pipeline.data.process.limited import run_limited
 from pipeline.poses import compose, frame, pose, quat_rotate
 from pipeline.world.robots.contract import Arm, Gripper, Joint, Link, Mount, RobotError, arm_poses
@@ -17,16 +16,14 @@ from pipeline.world.robots.directory import TOML
 from pipeline.world.robots.pairs import ALIASES, MODELS
 from pipeline.world.robots.stands import wrist_camera
 from pipeline.world.robots.surfaces import load_visual
-from pipeline.world.robots.urdf_file import Mimic, UrdfError, UrdfLink, UrdfRobot, read_urdf
+from pipeline.world.robots.urdf_file import UrdfError, UrdfLink, UrdfRobot, read_urdf
 
-from .anatomy import Anatomy, Hints, anatomy, cloud
+from .anatomy import Anatomy, anatomy, cloud
 from .join import mount
 from .mjcf import MJCF, read_mjcf
 from .place import find_site, overlaps
 from .simplify import ConvexPieces
 from .write import RobotDraft, write_robot
-
-CONFIG = "config.yml"
 
 FASTEST, STRONGEST = 3.0, 150.0  # rad/s and N m: beyond these a URDF's limits are placeholders
 SPEED, EFFORT = 2.0, 50.0  # of a joint whose limits are missing or placeholders
@@ -84,43 +81,13 @@ def draft_robot(source: Path, options: RobotOptions) -> RobotDraft:
     for given in (source, options.gripper or source):
         if not (given.is_file() or given.is_dir()):
             raise RobotError(f"{given}: is neither a URDF, nor an MJCF, nor a directory")
-    hints, urdf, root = Hints(options.base, options.jaw), source, None
-    if source.is_dir():
-        root = source
-        if (source / CONFIG).is_file():
-            urdf, hints = _read_config(source, options.base)
     with tempfile.TemporaryDirectory() as scratch:
-        robot = _read(urdf, root, options, Path(scratch) / "arm")
+        root = source if source.is_dir() else None
+        robot = _read(source, root, options, Path(scratch) / "arm")
         if options.gripper is not None:
             gripper = _read(options.gripper, None, options, Path(scratch) / "gripper")
             robot = mount(robot, gripper, options.flange)
-        return _draft_of(robot, anatomy(robot, hints), options)
-
-
-def _read_config(directory: Path, base: str | None) -> tuple[Path, Hints]:
-    """URDF and hints of a `config.yml`; of two arms, the first."""
-    path = directory / CONFIG
-    try:
-        values: dict[str, Any] = read_yaml(path)
-        urdf = (directory / str(values["urdf_path"])).resolve()
-        joint = str(values["arm_joints_name"][0][0])
-        jaw = values["gripper_name"][0]
-        driver = str(jaw["base"])
-        rules = jaw.get("mimic", ())
-        mimics = {str(m[0]): Mimic(driver, float(m[1]), float(m[2])) for m in rules}
-        closed, opened = (float(v) for v in values["gripper_scale"])
-    except ParseError as error:
-        raise UrdfError(f"{path}: {error}") from error
-    except (AttributeError, KeyError, IndexError, TypeError, ValueError) as error:
-        what = f"{type(error).__name__}: {error}"
-        raise UrdfError(f"{path}: is no configuration of RoboTwin's ({what})") from error
-    if not urdf.is_relative_to(directory.resolve()) or not urdf.is_file():
-        raise UrdfError(f"{path}: urdf_path {values['urdf_path']!r} is no file of the directory")
-    above = read_urdf(urdf, directory).parent_joint.values()
-    first = next((j for j in above if j.name == joint), None)
-    if first is None:
-        raise UrdfError(f"{path}: arm_joints_name names {joint!r}, which the URDF does not have")
-    return urdf, Hints(base or first.parent, driver, mimics, (closed, opened))
+        return _draft_of(robot, anatomy(robot, options.base, options.jaw), options)
 
 
 def _read(source: Path, root: Path | None, options: RobotOptions, scratch: Path) -> UrdfRobot:

@@ -1,14 +1,14 @@
 """The arm's joints, its hand, and the motion of its fingers."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
 from pipeline.poses import Floats, Pose, transform
 from pipeline.world.robots.contract import Joint
 from pipeline.world.robots.surfaces import surface
-from pipeline.world.robots.urdf_file import FREE, Mimic, UrdfRobot, UrdfShape
+from pipeline.world.robots.urdf_file import FREE, UrdfRobot, UrdfShape
 
 TIP = 0.02  # m: the part of a finger, from its end on, that is looked at for a pad
 BEHIND_TIP = 0.018  # m: the tool frame's distance from the end of the fingers
@@ -16,18 +16,6 @@ SNAP = np.cos(np.radians(12.0))  # a direction this near to an axis of the hand 
 SWING = 0.9  # rad that a single hinged jaw opens
 MOVES = 0.002  # m: a finger that moves less than this stands still
 JAW_WORDS = ("jaw", "grip", "finger", "claw")
-
-
-@dataclass(frozen=True)
-class Hints:
-    """What the user or a configuration states: root link, driving joint, couplings, closed and
-    open positions.
-    """
-
-    base: str | None = None
-    jaw: str | None = None
-    mimics: Mapping[str, Mimic] = field(default_factory=dict)
-    strokes: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,31 +34,30 @@ class Anatomy:
     opening: float
 
 
-def anatomy(robot: UrdfRobot, hints: Hints = Hints()) -> Anatomy:
-    """The parts of the arm. Raises UrdfError without arm or gripper, or for over two fingers."""
-    base = _base(robot, hints)
+def anatomy(robot: UrdfRobot, base: str | None = None, jaw: str | None = None) -> Anatomy:
+    """The parts of the arm whose root is the link `base` and whose gripper the joint `jaw` drives.
+    Raises UrdfError without arm or gripper, or for over two fingers."""
+    base = _base(robot, base)
     links = robot.below(base)
     joints = [robot.parent_joint[link] for link in links[1:]]
-    mimics = {**robot.mimics, **hints.mimics}
     for joint in joints:
         if joint.kind in FREE:
             fix = f"make it fixed, or give --base {joint.child}"
             raise robot.fault(f"joint {joint.name!r} is {joint.kind}: {fix}")
-    arm, jaws = _split(robot, base, joints, mimics, hints)
+    arm, jaws = _split(robot, base, joints, jaw)
     if not arm:
         raise robot.fault(f"no joint moves between {base!r} and the gripper; give another --base")
     hand = next(j for j in joints if j.name in jaws).parent
-    travel = _travel(robot, joints, jaws, mimics, hints)
-    fingers, tcp, opening, travel = _grip(robot, hand, links, travel)
+    fingers, tcp, opening, travel = _grip(robot, hand, links, _travel(robot, joints, jaws))
     return Anatomy(tuple(links), tuple(joints), tuple(arm), hand, travel, fingers, tcp, opening)
 
 
-def _base(robot: UrdfRobot, hints: Hints) -> str:
-    if hints.base is not None:
-        if hints.base not in robot.links:
+def _base(robot: UrdfRobot, given: str | None) -> str:
+    if given is not None:
+        if given not in robot.links:
             names = ", ".join([*robot.links][:12])
-            raise robot.fault(f"has no link {hints.base!r}; links are {names}")
-        return hints.base
+            raise robot.fault(f"has no link {given!r}; links are {names}")
+        return given
     roots = robot.roots()
     if len(roots) > 1:
         wrong = f"links {', '.join(map(repr, roots[:4]))} hang on no joint"
@@ -84,8 +71,9 @@ def _base(robot: UrdfRobot, hints: Hints) -> str:
 
 
 def _split(
-    robot: UrdfRobot, base: str, joints: Sequence[Joint], mimics: Mapping[str, Mimic], hints: Hints
+    robot: UrdfRobot, base: str, joints: Sequence[Joint], jaw: str | None
 ) -> tuple[list[str], list[str]]:
+    """Names of the joints of the arm and of the gripper."""
     arm, rigid, words = list[str](), {base}, ""
     while True:
         while more := {j.child for j in joints if j.kind == "fixed" and j.parent in rigid} - rigid:
@@ -94,7 +82,7 @@ def _split(
         if not following:
             break
         last = following[0]
-        is_jaw = last.name == hints.jaw or last.name in mimics
+        is_jaw = last.name == jaw or last.name in robot.mimics
         if len(following) > 1 or is_jaw or last.kind != "revolute":
             links, jaws = {j.child for j in following}, [j.name for j in following]
             for joint in joints:
@@ -112,30 +100,24 @@ def _split(
 
 
 def _travel(
-    robot: UrdfRobot,
-    joints: Sequence[Joint],
-    jaws: Sequence[str],
-    mimics: Mapping[str, Mimic],
-    hints: Hints,
+    robot: UrdfRobot, joints: Sequence[Joint], jaws: Sequence[str]
 ) -> dict[str, tuple[float, float]]:
     by_name = {j.name: j for j in joints}
-    free = [name for name in jaws if name not in mimics]
+    free = [name for name in jaws if name not in robot.mimics]
     slides = all(by_name[name].kind == "prismatic" for name in free)
     if len(free) > 2 or (len(free) == 2 and not slides):
         names = ", ".join(free[:6])
         raise robot.fault(f"joints of the hand move by themselves: couple {names} with <mimic>")
     ends: dict[str, tuple[float, float]] = {}
-    for name in free:
-        joint = by_name[name]
+    for joint in (by_name[name] for name in free):
         if not joint.lower < joint.upper:
-            raise robot.fault(f"joint {name!r} of the gripper needs limits lower < upper")
-        strokes = hints.strokes if name == hints.jaw else None
-        ends[name] = strokes or (joint.lower, joint.upper)
+            raise robot.fault(f"joint {joint.name!r} of the gripper needs limits lower < upper")
+        ends[joint.name] = joint.lower, joint.upper
     if len(free) == 2 and _shift(robot, by_name[free[0]]) @ _shift(robot, by_name[free[1]]) > 0:
         lower, upper = ends[free[1]]
         ends[free[1]] = upper, lower  # of two slides one opens the way the other closes
-    for name in (n for n in jaws if n in mimics):
-        rule = mimics[name]
+    for name in (n for n in jaws if n in robot.mimics):
+        rule = robot.mimics[name]
         if rule.joint not in ends:
             raise robot.fault(f"{name!r} mimics {rule.joint!r}, no driven joint")
         a, b = ends[rule.joint]

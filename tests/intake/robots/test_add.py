@@ -6,7 +6,7 @@ import pytest
 import trimesh
 
 from pipeline.intake.robots.add import RobotOptions, add_robot, check_name
-from pipeline.intake.robots.anatomy import Hints, anatomy
+from pipeline.intake.robots.anatomy import anatomy
 from pipeline.intake.robots.simplify import CORNERS
 from pipeline.planning.collision import CollisionWorld
 from pipeline.poses import quat_rotate
@@ -99,35 +99,13 @@ def test_what_is_written_is_read_again_as_a_sound_robot(tmp_path):
     assert (directory / "meshes" / "upper.glb").is_file()
 
 
-def test_a_directory_of_robotwin_is_read_with_its_configuration(tmp_path):
-    """Its URDF has no <mimic>: the configuration says how the second finger follows, and how far
-    both go."""
-    source = Tiny(SLIDES).write(tmp_path / "their" / "urdf")
-    (tmp_path / "their" / "config.yml").write_text(
-        "urdf_path: ./urdf/tiny.urdf\narm_joints_name: [[j1, j2, j3, j4, j5], [j1, j2, j3, j4,"
-        " j5]]\ngripper_name:\n- {base: jaw_a, mimic: [[jaw_b, 1.0, 0.0]]}\n- {base: jaw_a, mimic:"
-        " [[jaw_b, 1.0, 0.0]]}\ngripper_scale: [0.0, 0.025]\n"
-    )
-    directory, _ = add_robot(tmp_path / "their", RobotOptions("tiny", tmp_path))
-    jaws = RobotModel(directory).settings.gripper
-    assert (jaws.joints, jaws.closed, jaws.opened) == (
-        ("jaw_a", "jaw_b"),
-        (0.0, 0.0),
-        (0.025, 0.025),
-    )
-    assert jaws.opening == pytest.approx(2 * (0.035 - 0.005))
-    assert RobotModel(directory).settings.source == source.name
-
-
 def test_of_two_arms_in_a_file_the_one_that_is_named_is_taken(tmp_path):
     stand = (
         '<link name="stand"/><joint name="foot" type="fixed"><parent link="stand"/><child'
         ' link="base"/></joint>'
     )
     robot = read_urdf(Tiny(extra=stand).write(tmp_path))
-    assert (
-        "stand" in anatomy(robot).links and "stand" not in anatomy(robot, Hints(base="base")).links
-    )
+    assert "stand" in anatomy(robot).links and "stand" not in anatomy(robot, "base").links
 
 
 @pytest.mark.parametrize("name", ["piper", "ur5", "Mine", "my_arm", "../up", "none", ""])

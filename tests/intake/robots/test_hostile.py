@@ -11,7 +11,7 @@ from pipeline.world.meshes import files
 from pipeline.world.robots import urdf_file
 from tests.intake.objects.meshes import gltf
 from tests.intake.objects.test_add import AWAY, MANY, NODES
-from tests.intake.robots.tiny import HINGE, SLIDES, Tiny
+from tests.intake.robots.tiny import HINGE, Tiny
 from tests.run.command import inside
 
 MESH = Tiny(mesh="package://vendor/part.stl")
@@ -249,31 +249,6 @@ def test_files_and_robots_have_a_largest_size(tmp_path, monkeypatch):
             assert words in refused(tmp_path, path)
     monkeypatch.setattr(files, "MAX_BYTES", len(path.read_bytes()) - 1)
     assert "a file has at most" in refused(tmp_path, path)
-
-
-@pytest.mark.parametrize(
-    ("config", "words"),
-    [
-        ("[1, 2]", "config.yml: "),
-        ("urdf_path: ../other.urdf", "is no configuration of RoboTwin"),
-        ("urdf_path: ../out/other.urdf\nREST", "is no file of the directory"),
-        ("urdf_path: /etc/hostname\nREST", "is no file of the directory"),
-        ("urdf_path: gone.urdf\nREST", "is no file of the directory"),
-        (
-            "urdf_path: tiny.urdf\nREST[0]",
-            "arm_joints_name names 'jx', which the URDF does not have",
-        ),
-        ("urdf_path: [", "config.yml: "),
-    ],
-)
-def test_a_configuration_of_robotwin_that_is_wrong_is_one_line(tmp_path, config, words):
-    rest = (
-        "arm_joints_name: [[j1], [j1]]\ngripper_name: [{base: jaw_a, mimic: []}]\ngripper_scale:"
-        " [0, 1]\n"
-    )
-    config = config.replace("REST[0]", rest.replace("j1", "jx")).replace("REST", rest)
-    (Tiny(SLIDES).write(tmp_path / "vendor").parent / "config.yml").write_text(config)
-    assert words in refused(tmp_path, tmp_path / "vendor")
 
 
 def test_what_is_not_there_is_named(tmp_path):
