@@ -123,7 +123,7 @@ class Along(ClosedForm):
         return np.array(self.pace.edges[:-1])
 
 
-class ClosedFormModel[M: ClosedForm](ABC):
+class ClosedFormModel[M: ClosedForm]:
     """The first feasible of `candidates`. Raises MotionError for a missing formula."""
 
     version = 1
@@ -131,19 +131,24 @@ class ClosedFormModel[M: ClosedForm](ABC):
 
     def __init__(self, motion: type[M]) -> None:
         if missing := sorted(getattr(motion, "__abstractmethods__", ())):
-            raise MotionError(
-                f"motion {motion.kind!r}: has no {', '.join(missing)}: write it in"
-                f" {motion.__name__}"
-            )
+            fix = f"write it in {motion.__name__}"
+            raise MotionError(f"motion {motion.kind!r}: has no {', '.join(missing)}: {fix}")
         self._motion = motion
 
     @property
     def name(self) -> str:
         return self._motion.kind
 
-    @abstractmethod
+    def shape(self, asked: MotionRequest, streams: Streams) -> dict[str, Any]:
+        """The fields of a motion that are not `common`, without its `heading`."""
+        return {}
+
     def candidates(self, asked: MotionRequest, streams: Streams) -> Iterator[M]:
         """Motions of the slot's shape, in one direction after another."""
+        fields: dict[str, Any] = common(asked) | self.shape(asked, streams)
+        for heading in headings(streams):
+            fields["heading"] = heading
+            yield self._motion(**fields)
 
     def draw(self, asked: MotionRequest, streams: Streams) -> M:
         return first_that_fits(asked, self.candidates(asked, streams))
@@ -156,15 +161,12 @@ class ClosedFormModel[M: ClosedForm](ABC):
         yield derived(motion)
 
     def describe(self, motion: TargetMotion) -> str:
-        return (
-            f"{self.name}: {self.levels[motion.level].text},"
-            f" {motion.features().average_speed:.3f} m/s"
-        )
+        speed = f"{motion.features().average_speed:.3f} m/s"
+        return f"{self.name}: {self.levels[motion.level].text}, {speed}"
 
     def read(self, values: Mapping[str, Any]) -> M:
-        return TypeAdapter(self._motion).validate_python(
-            {key: value for key, value in values.items() if key != "model"}
-        )
+        fields = {key: value for key, value in values.items() if key != "model"}
+        return TypeAdapter(self._motion).validate_python(fields)
 
 
 def first_that_fits[M: TargetMotion](asked: MotionRequest, candidates: Iterable[M]) -> M:
@@ -176,9 +178,8 @@ def first_that_fits[M: TargetMotion](asked: MotionRequest, candidates: Iterable[
         reason = _refusal(asked, motion, poses)
         if not reason:
             if not (verdict := derived(motion)).holds:
-                raise MotionError(
-                    f"motion {motion.model!r}: {verdict.problem}; correct its slope or rates"
-                )
+                fix = f"{verdict.problem}; correct its slope or rates"
+                raise MotionError(f"motion {motion.model!r}: {fix}")
             return motion
         refused[reason] += 1
     raise NoMotion(asked, refused, last.features() if last else None)
@@ -207,22 +208,21 @@ def twists(x: Floats, y: Floats, z: ArrayLike = 0.0, spin: ArrayLike = 0.0) -> F
 
 def common(asked: MotionRequest) -> dict[str, Any]:
     """The fields of every motion that keeps a request."""
-    end = tuple(np.asarray(asked.end_pose, float).tolist())
-    return {
-        "level": asked.level,
-        "alpha": asked.alpha,
-        "duration": asked.duration,
-        "lead": asked.lead,
-        "end": end,
-    }
+    kept = {name: getattr(asked, name) for name in ("level", "alpha", "duration", "lead")}
+    return kept | {"end": tuple(np.asarray(asked.end_pose, float).tolist())}
 
 
 def headings(streams: Streams, count: int = 64) -> list[float]:
     """Directions (rad) spread over the circle, in the attempt's order."""
     rng = streams.direction
-    return (
-        rng.permutation((np.arange(count) + rng.random()) * (2 * np.pi / count)) - np.pi
-    ).tolist()
+    spread = (np.arange(count) + rng.random()) * (2 * np.pi / count)
+    return (rng.permutation(spread) - np.pi).tolist()
+
+
+def ahead_of(heading: float, ahead: Floats, aside: Floats) -> tuple[Floats, Floats]:
+    """x and y (...,) m of ways ahead and to the left, seen along `heading` (rad)."""
+    c, s = np.cos(heading), np.sin(heading)
+    return c * ahead - s * aside, s * ahead + c * aside
 
 
 def turned_about(end: ArrayLike, pivot: ArrayLike, turn: Floats) -> Floats:

@@ -137,13 +137,9 @@ class NoMotion(Exception):
         self, asked: MotionRequest, counts: Mapping[str, int], features: Features | None = None
     ) -> None:
         self.counts, self.features = dict(counts), features
-        reasons = (
-            ", ".join(f"{reason} {n}" for reason, n in counts.items()) or "no candidate was allowed"
-        )
-        super().__init__(
-            f"no motion of level {asked.level} at alpha {asked.alpha:g} m/s over"
-            f" {asked.duration:.3g} s: {reasons}"
-        )
+        reasons = ", ".join(f"{reason} {n}" for reason, n in counts.items())
+        wanted = f"level {asked.level} at alpha {asked.alpha:g} m/s over {asked.duration:.3g} s"
+        super().__init__(f"no motion of {wanted}: {reasons or 'no candidate was allowed'}")
 
 
 @dataclass(frozen=True)
@@ -157,9 +153,7 @@ class Level:
 def described(*texts: str) -> Mapping[int, Level]:
     """Levels 1 to 3 by their texts, in the colours of all models."""
     colours = ("#2563eb", "#059669", "#d97706")
-    return MappingProxyType(
-        {n: Level(*of) for n, of in enumerate(zip(texts, colours, strict=True), 1)}
-    )
+    return MappingProxyType(dict(enumerate(map(Level, texts, colours), 1)))
 
 
 @dataclass(frozen=True)
@@ -208,10 +202,8 @@ def derived(motion: TargetMotion) -> Verdict:
     """Whether velocity is the derivative of position: the median error at 41 times."""
     start, h = float(-motion.lead), 1e-4
     times = np.linspace(start + 2 * h, float(motion.duration) - 2 * h, 41)
-    moved = (np.asarray(motion.pose(times + h)) - np.asarray(motion.pose(times - h)))[:, :3] / (
-        2 * h
-    )
-    stated = np.asarray(motion.twist(times))[:, :3]
+    moved = (motion.pose(times + h) - motion.pose(times - h))[:, :3] / (2 * h)
+    stated = motion.twist(times)[:, :3]
     off = float(np.median(np.linalg.norm(moved - stated, axis=1)))
     fast = float(np.median(np.linalg.norm(moved, axis=1)))
     wrong = f"its twist is not the derivative of its pose: {off:.4f} m/s off at {fast:.4f} m/s"
@@ -222,8 +214,5 @@ def bounded(motion: TargetMotion, speed_bound: SpeedBound) -> Verdict:
     """Whether a motion moves and keeps its bound alpha."""
     features = motion.features()
     speed = features.average_speed if speed_bound == "average" else features.maximum_speed
-    return Verdict(
-        "speed",
-        0 < speed <= motion.alpha * (1 + UNSURE),
-        f"{speed:.4f} m/s is over alpha {motion.alpha:g}",
-    )
+    over = f"{speed:.4f} m/s is over alpha {motion.alpha:g}"
+    return Verdict("speed", 0 < speed <= motion.alpha * (1 + UNSURE), over)

@@ -84,6 +84,5 @@ def draw_pace(asked: MotionRequest, rng: np.random.Generator, steepest: float = 
     while factors[-1] < LEAST_END or np.abs(np.diff(factors)).min() < LEAST_JUMP:
         factors = rng.uniform(-1.0, 1.0, pieces)
     scale = asked.alpha * rng.uniform(SLOWEST, 1.0) / steepest / np.abs(factors).max()
-    return Pace(
-        -asked.lead, (*edges[:-1].tolist(), asked.duration), tuple((factors * scale).tolist())
-    )
+    last = tuple((factors * scale).tolist())
+    return Pace(-asked.lead, (*edges[:-1].tolist(), asked.duration), last)

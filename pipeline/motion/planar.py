@@ -106,9 +106,7 @@ class Segment:
     def __post_init__(self) -> None:
         c = np.array(self.coefficients, float)
         if c.ndim != 2 or c.shape[0] != 2 or c.shape[1] < 1 or not np.isfinite(c).all():
-            raise ValueError(
-                f"segment coefficients must be finite with shape (2, d+1), not {c.shape}"
-            )
+            raise ValueError(f"segment coefficients must be finite (2, d+1), not {c.shape}")
         if not self.end > self.start:
             raise ValueError(f"a segment must end after it starts: {self.start} to {self.end} s")
         c.setflags(write=False)
@@ -132,13 +130,10 @@ class PlanarMotion:
     def __post_init__(self) -> None:
         q = np.array(self.orientation, float)
         if q.shape != (4,):
-            raise ValueError(
-                f"orientation must be a quaternion wxyz, not an array of shape {q.shape}"
-            )
+            raise ValueError(f"orientation must be a quaternion wxyz, not of shape {q.shape}")
         if not (np.isfinite(self.duration) and self.duration > 0 and np.isfinite(self.lead)):
-            raise ValueError(
-                f"duration must be positive and lead finite: {self.duration} s, {self.lead} s"
-            )
+            given = f"{self.duration} s, {self.lead} s"
+            raise ValueError(f"duration must be positive and lead finite: {given}")
         if not self.segments:
             raise ValueError("a motion needs at least one segment")
         edges = [-self.lead, *(s.end for s in self.segments)]
@@ -158,15 +153,8 @@ class PlanarMotion:
     def still(cls, pose: ArrayLike, duration: float, lead: float = 0.0) -> "PlanarMotion":
         """A target that stands at `pose` (7,) all the time: level 0, alpha 0."""
         p = np.asarray(pose, float)
-        return cls(
-            0,
-            0.0,
-            duration,
-            lead,
-            float(p[2]),
-            p[3:],
-            (Segment(0.0 - lead, duration, p[:2, None]),),
-        )
+        segment = Segment(0.0 - lead, duration, p[:2, None])
+        return cls(0, 0.0, duration, lead, float(p[2]), p[3:], (segment,))
 
     @cached_property
     def _table(self) -> tuple[Floats, Floats, Floats, Floats]:
@@ -189,9 +177,8 @@ class PlanarMotion:
         i, s = self._locate(t)
         xy = evaluate(self._table[2][i], s[..., None])
         late = np.maximum(t - self.duration, 0.0)[..., None]
-        return np.concatenate(
-            [xy + late * self.end_velocity[:2], np.full((*t.shape, 1), self.z)], -1
-        )
+        xy = xy + late * self.end_velocity[:2]
+        return np.concatenate([xy, np.full((*t.shape, 1), self.z)], -1)
 
     def velocity(self, t: ArrayLike) -> Floats:
         """World velocity (..., 3) in m/s at `t` (s); after a breakpoint."""
@@ -233,11 +220,8 @@ class PlanarMotion:
 
     def features(self) -> Features:
         moved = self.position(self.duration) - self.position(-self.lead)
-        end_speed, displacement = (
-            float(np.linalg.norm(self.end_velocity)),
-            float(np.linalg.norm(moved)),
-        )
-        return Features(self.average_speed(), self.maximum_speed(), end_speed, displacement)
+        ends = float(np.linalg.norm(self.end_velocity)), float(np.linalg.norm(moved))
+        return Features(self.average_speed(), self.maximum_speed(), *ends)
 
     def extent(self) -> tuple[Floats, Floats]:
         """Smallest and largest x, y (2,) in m over [-lead, duration]."""
@@ -253,30 +237,16 @@ class PlanarMotion:
             {"start": s.start, "end": s.end, "coefficients": s.coefficients.tolist()}
             for s in self.segments
         ]
-        scalars = {
-            "level": self.level,
-            "alpha": self.alpha,
-            "duration": self.duration,
-            "lead": self.lead,
-            "z": self.z,
-        }
-        return json.dumps(
-            {**scalars, "orientation": self.orientation.tolist(), "segments": pieces},
-            allow_nan=False,
-        )
+        scalars = {k: getattr(self, k) for k in ("level", "alpha", "duration", "lead", "z")}
+        values = {**scalars, "orientation": self.orientation.tolist(), "segments": pieces}
+        return json.dumps(values, allow_nan=False)
 
     @classmethod
     def from_values(cls, values: Mapping[str, Any]) -> "PlanarMotion":
         """The motion of what `to_json` wrote. Raises ValueError."""
         try:
-            pieces = tuple(
-                Segment(p["start"], p["end"], np.array(p["coefficients"], float))
-                for p in values["segments"]
-            )
-            given: dict[str, Any] = {
-                key: value for key, value in values.items() if key not in ("model", "segments")
-            }
-            given["orientation"] = np.array(values["orientation"], float)
-            return cls(**given, segments=pieces)
+            given = {key: value for key, value in values.items() if key != "model"}
+            given["segments"] = tuple(Segment(**piece) for piece in values["segments"])
+            return cls(**given)
         except (KeyError, TypeError, AttributeError) as error:
             raise ValueError(f"this is not a target motion: {error!r}") from error

@@ -36,9 +36,8 @@ class DrawnPaths:
     missed: NDArray[np.bool_]
 
     def only(self, i: int) -> "DrawnPaths":
-        return DrawnPaths(
-            self.durations[i : i + 1], self.coefficients[i : i + 1], self.missed[i : i + 1]
-        )
+        one = slice(i, i + 1)
+        return DrawnPaths(self.durations[one], self.coefficients[one], self.missed[one])
 
 
 def turned(
@@ -53,9 +52,8 @@ def turned(
     origin = np.zeros((2, TERMS))
     origin[:, 0] = np.asarray(end, float)
     used = (path.durations[0] > 0)[:, None, None]
-    coefficients = (
-        np.einsum("nij,sjk->nsik", turn, (path.coefficients[0] - origin) * used) + origin * used
-    )
+    coefficients = np.einsum("nij,sjk->nsik", turn, (path.coefficients[0] - origin) * used)
+    coefficients += origin * used
     return DrawnPaths(np.repeat(path.durations, n, 0), coefficients, np.repeat(path.missed, n))
 
 

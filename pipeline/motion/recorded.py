@@ -55,22 +55,16 @@ class Interception:
     def arm_links(self) -> tuple[NDArray[np.int64], ...]:
         """Indices (L,) into `log.bodies` of the links of each arm, left and right."""
         names = list(enumerate(self.log.bodies))
-        return tuple(
-            np.array(
-                [i for i, n in names if n.startswith(f"{side}_") and n not in self.meta.objects],
-                np.int64,
-            )
-            for side in SIDES
-        )
+        links = [(i, n) for i, n in names if n not in self.meta.objects]
+        of = ([i for i, n in links if n.startswith(f"{side}_")] for side in SIDES)
+        return tuple(np.array(numbers, np.int64) for numbers in of)
 
     def contact_rows(self, side: int) -> NDArray[np.void]:
         """Rows (N,) of the contact table between the target and one arm."""
         rows, body = self.log.contacts, self.log.bodies.index(self.meta.target)
         links = self.arm_links[side]
-        return rows[
-            ((rows["a"] == body) & np.isin(rows["b"], links))
-            | ((rows["b"] == body) & np.isin(rows["a"], links))
-        ]
+        first = (rows["a"] == body) & np.isin(rows["b"], links)
+        return rows[first | ((rows["b"] == body) & np.isin(rows["a"], links))]
 
     @cached_property
     def contact_pairs(self) -> NDArray[np.int64]:
@@ -114,18 +108,15 @@ class Interception:
             steady = self._steady(side)
             edges = np.flatnonzero(np.diff(np.concatenate([[0], steady, [0]])))
             for start, end in edges.reshape(-1, 2):
-                travel = np.linalg.norm(
-                    self.target[start:end, :3] - self.target[start, :3], axis=1
-                ).max()
-                out[start:end, side] = travel >= GRASP_TRAVEL
+                way = self.target[start:end, :3] - self.target[start, :3]
+                out[start:end, side] = np.linalg.norm(way, axis=1).max() >= GRASP_TRAVEL
         return out
 
     def _steady(self, side: int) -> NDArray[np.int64]:
         """(T,) 1 where an arm touched the target all through the window before."""
         window = max(1, round(GRASP_SECONDS * self.meta.fps))
-        local = compose(inverse(self.log.tcp[:, self.log.sides.index(SIDES[side])]), self.target)[
-            :, :3
-        ]
+        tcp = self.log.tcp[:, self.log.sides.index(SIDES[side])]
+        local = compose(inverse(tcp), self.target)[:, :3]
         touched = self.contact_pairs[:, side] > 0
         out = np.zeros(len(self.log), np.int64)
         for t in range(window, len(self.log)):
@@ -219,16 +210,11 @@ def physics_arrays(
     }
     real = log.time_of("meeting")
     if real is not None:
-        place = pose_at(log.times, derived.target, real)[:3]
-        step = round(real * rate)
-        values |= {
-            "meeting_time": np.array(real),
-            "meeting_step": np.array(step),
-            "meeting_position": place,
-        }
-    return values | {
-        f"{CONDITIONS}{name}": np.asarray(holds, bool) for name, holds in conditions.items()
-    }
+        values["meeting_time"] = np.array(real)
+        values["meeting_step"] = np.array(round(real * rate))
+        values["meeting_position"] = pose_at(log.times, derived.target, real)[:3]
+    holding = {f"{CONDITIONS}{name}": np.asarray(holds, bool) for name, holds in conditions.items()}
+    return values | holding
 
 
 def conditions_of(arrays: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[np.bool_]]:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import product
 from typing import Literal
 
 import numpy as np
@@ -67,17 +68,10 @@ def hood(half_length: float, half_width: float, height: float) -> tuple[Piece, .
     ]
     roof = Piece("box", (half_length, half_width + 2 * wall, wall), pose((0, 0, height)), HOOD)
     strips = max(4, round(half_width / 0.006))
-    wide = half_width / strips
-    curtains = [
-        Piece(
-            "box",
-            (0.0008, wide, height / 2),
-            pose((x, (2 * k + 1 - strips) * wide, height / 2)),
-            STRIPS[k % 2],
-        )
-        for x in (half_length - 0.002, 0.002 - half_length)
-        for k in range(strips)
-    ]
+    wide, curtains = half_width / strips, list[Piece]()
+    for x, k in product((half_length - 0.002, 0.002 - half_length), range(strips)):
+        place = pose((x, (2 * k + 1 - strips) * wide, height / 2))
+        curtains.append(Piece("box", (0.0008, wide, height / 2), place, STRIPS[k % 2]))
     return (*walls, roof, *curtains)
 
 
@@ -88,9 +82,5 @@ def rod(
     a, b = np.asarray(start, float), np.asarray(end, float)
     length = float(np.linalg.norm(b - a))
     z = (b - a) / length
-    half = (
-        np.array([1 + z[2], -z[1], z[0], 0.0])
-        if z[2] > -1 + 1e-9
-        else np.array([0.0, 1.0, 0.0, 0.0])
-    )
+    half = (1 + z[2], -z[1], z[0], 0.0) if z[2] > -1 + 1e-9 else (0.0, 1.0, 0.0, 0.0)
     return Piece("cylinder", (radius, length / 2), pose((a + b) / 2, half), colour)

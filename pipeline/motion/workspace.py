@@ -26,9 +26,7 @@ class Workspace:
         if not (np.isfinite([self.x_min, self.x_max, self.y_min, self.y_max]).all()):
             raise ValueError(f"workspace {self} is not finite")
         if self.x_min >= self.x_max or self.y_min >= self.y_max:
-            raise ValueError(
-                f"workspace {self} is empty: x_min < x_max and y_min < y_max are needed"
-            )
+            raise ValueError(f"workspace {self} is empty: x_min < x_max, y_min < y_max")
 
     @property
     def lower(self) -> Floats:
@@ -74,10 +72,8 @@ def draw_within_reach(
 ) -> Floats:
     """`n` points (n, 2) uniform in the part of the disc inside the workspace."""
     centre = np.asarray(centre, float)
-    low, up = (
-        np.maximum(workspace.lower, centre - radius),
-        np.minimum(workspace.upper, centre + radius),
-    )
+    low = np.maximum(workspace.lower, centre - radius)
+    up = np.minimum(workspace.upper, centre + radius)
     points = rng.uniform(low, up, (n, 2))
     while (outside := np.linalg.norm(points - centre, axis=-1) > radius).any():
         points[outside] = rng.uniform(low, up, (int(outside.sum()), 2))

@@ -24,14 +24,16 @@ PLANAR = "planar"
 STILL = Level("the target stands still", "#6b7280")
 """Level 0 of every model."""
 
-_MODULES = {"drop": "ballistic", "toss": "ballistic", "twice": "tunnel", "flash_red": "flash"}
-_MODULES |= {"shuffle": "turntable"}
-_NAMES = (
-    "drop toss circle conveyor flash flash_red handed pendulum planar pushed ramp rebound rolling"
-    " shuffle sinusoid tunnel turntable twice"
-)
+_MODULES = {
+    "ballistic": "drop toss",
+    "conveyor": "conveyor flash flash_red",
+    "curves": "circle sinusoid",
+    "rolling": "rebound rolling",
+    "tunnel": "tunnel twice",
+    "turntable": "shuffle turntable",
+} | {name: name for name in ("handed", "pendulum", "planar", "pushed", "ramp")}
 MODELS: Registry[MotionModel] = Registry(
-    "motion", {n: f"{__name__}.{_MODULES.get(n, n)}" for n in _NAMES.split()}
+    "motion", {n: f"{__name__}.{m}" for m, names in _MODULES.items() for n in names.split()}
 )
 """Models by name; a module of this folder registers its model when that is asked for."""
 
@@ -39,10 +41,7 @@ MODELS: Registry[MotionModel] = Registry(
 def register(model: MotionModel) -> MotionModel:
     """Enter a model. Raises ValueError if taken or describing level 0."""
     if 0 in model.levels:
-        raise ValueError(
-            f"motion {model.name!r}: level 0 stands still in every model, so it must not be among"
-            " its levels"
-        )
+        raise ValueError(f"motion {model.name!r}: has level 0, which stands still in every model")
     place_in(sys._getframemodulename(1), type(model))
     return MODELS.add(model.name, model)
 
@@ -78,10 +77,8 @@ def motion_from_json(text: str) -> TargetMotion:
         return Changed(motion_from_json(json.dumps(values)), changes_of(changes))
     name = values.get("model", PLANAR)
     if name not in MODELS:
-        raise UnknownMotion(
-            f"an episode needs the motion {str(name)[:80]!r}, which is not installed: give"
-            " --plugins with its directory"
-        )
+        missing = f"the motion {str(name)[:80]!r}, which is not installed"
+        raise UnknownMotion(f"an episode needs {missing}: give --plugins with its directory")
     if not isinstance(others := values.pop("others", {}), dict):
         raise ValueError("this is not a target motion: its others are no JSON object")
     target = MODELS[name].read(values)
@@ -105,9 +102,8 @@ def back_calculate_motion(
     UnknownName, ValueError for the level.
     """
     if asked.level not in (levels := levels_of(model)):
-        raise ValueError(
-            f"level {asked.level!r} is unknown: levels of {model} are {', '.join(map(str, levels))}"
-        )
+        known = f"levels of {model} are {', '.join(map(str, levels))}"
+        raise ValueError(f"level {asked.level!r} is unknown: {known}")
     if asked.level == 0 or asked.alpha == 0:
         return MODELS[model].stand(asked, streams)
     if asked.moving == (1.0,):
@@ -119,13 +115,11 @@ def _late(asked: MotionRequest, streams: Streams, model: str) -> TargetMotion:
     """The motion for the first feasible share of `asked.moving`. Raises the first try's
     NoMotion.
     """
-    total, refused = asked.lead + asked.duration, list[NoMotion]()
-    kept = replace(asked, candidates=1) if asked.level == 1 else asked
+    refused, kept = list[NoMotion](), replace(asked, candidates=1) if asked.level == 1 else asked
     for share in asked.moving:
+        late = replace(kept, lead=share * asked.total - asked.duration)
         try:
-            return MODELS[model].draw(
-                replace(kept, lead=share * total - asked.duration), deepcopy(streams)
-            )
+            return MODELS[model].draw(late, deepcopy(streams))
         except NoMotion as no:
             refused.append(no)
     raise refused[0]

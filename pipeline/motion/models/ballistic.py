@@ -1,14 +1,13 @@
 """The target flies, dropped or tossed, and is met above the table."""
 
 from abc import abstractmethod
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pipeline.motion.closed_form import ClosedForm, ClosedFormModel, common, headings, twists
+from pipeline.motion.closed_form import ClosedForm, ClosedFormModel, twists
 from pipeline.motion.contract import MotionRequest, Streams
 from pipeline.motion.pace import Pace, draw_pace
 from pipeline.motion.scenery import Prop, flat, rod
@@ -104,13 +103,8 @@ class Drop(Ballistic):
 
     def scenery(self) -> tuple[Prop, ...]:
         cup = rod((0, 0, self.top), (0, 0, self.top + 0.015), 0.012, RUBBER)
-        return (
-            Prop(
-                "carrier",
-                (cup, rod((0, 0, self.top + 0.015), (0, 0, self.top + 0.20), 0.006, STEEL)),
-                self.bearer,
-            ),
-        )
+        stem = rod((0, 0, self.top + 0.015), (0, 0, self.top + 0.20), 0.006, STEEL)
+        return (Prop("carrier", (cup, stem), self.bearer),)
 
 
 @dataclass(frozen=True)
@@ -125,50 +119,31 @@ class Toss(Ballistic):
         return lowest + FLING * GRAVITY * flung**2 / 2, FLING * GRAVITY * flung
 
     def scenery(self) -> tuple[Prop, ...]:
-        return (
-            Prop(
-                "launcher",
-                (
-                    flat("cylinder", (0.03,), -0.006, RUBBER),
-                    rod((0, 0, -0.006), (0, 0, -0.12), 0.008, STEEL),
-                ),
-                self.bearer,
-            ),
-        )
+        plate = flat("cylinder", (0.03,), -0.006, RUBBER)
+        stem = rod((0, 0, -0.006), (0, 0, -0.12), 0.008, STEEL)
+        return (Prop("launcher", (plate, stem), self.bearer),)
 
 
 class BallisticModel[M: Ballistic](ClosedFormModel[M]):
     """One height that keeps the plate over the floor, then headings in turn."""
 
-    def candidates(self, asked: MotionRequest, streams: Streams) -> Iterator[M]:
+    def shape(self, asked: MotionRequest, streams: Streams) -> dict[str, Any]:
         rng, z = streams.shape, float(np.asarray(asked.end_pose, float)[2])
         height = float(rng.uniform(*HEIGHT))
         if self._motion is Toss:
             height = min(height, (z - asked.floor) / (1 + 1 / FLING))
         flight = float(np.sqrt(2 * height / GRAVITY)) if asked.level else 0.0
         pace = _slowed(draw_pace(replace(asked, duration=asked.duration - flight), rng), flight)
-        for heading in headings(streams):
-            shape: dict[str, Any] = {
-                "heading": heading,
-                "flight": flight,
-                "floor": asked.floor,
-                "top": asked.height,
-            }
-            yield self._motion(**common(asked), pace=pace, **shape)
+        return {"pace": pace, "flight": flight, "floor": asked.floor, "top": asked.height}
 
 
 def _slowed(pace: Pace, flight: float) -> Pace:
     """The pace with its mean speed kept over a further `flight` (s)."""
-    spans, last = (
-        np.diff([pace.start, *pace.edges]),
-        abs(float(pace.rate(np.array(pace.edges[-1])))),
-    )
-    way = float(np.abs(pace.speeds) @ spans)
-    share = (
-        min(1.0, (way / spans.sum()) * (spans.sum() + flight) / (way + last * flight))
-        if way
-        else 1.0
-    )
+    spans, last = np.diff([pace.start, *pace.edges]), float(pace.rate(np.array(pace.edges[-1])))
+    way, share = float(np.abs(pace.speeds) @ spans), 1.0
+    if way:
+        slower = (way / spans.sum()) * (spans.sum() + flight) / (way + abs(last) * flight)
+        share = min(1.0, slower)
     return replace(pace, speeds=tuple(speed * share for speed in pace.speeds))
 
 

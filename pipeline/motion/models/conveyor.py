@@ -1,4 +1,4 @@
-"""The target rides straight on a visible belt."""
+"""The target rides straight on a visible belt, or on a plate that lights up green or red."""
 
 import json
 from collections.abc import Iterator
@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from pipeline.motion.closed_form import Along, ClosedFormModel, common, headings
 from pipeline.motion.contract import MotionRequest, Streams
 from pipeline.motion.pace import draw_pace
-from pipeline.motion.scenery import SHEET, Piece, Prop, flat, standing
+from pipeline.motion.scenery import AWAY, SHEET, Piece, Prop, flat, standing
 from pipeline.poses import Floats, pose, yawed
 
 from . import register
@@ -102,3 +102,47 @@ class ConveyorModel(ClosedFormModel[Conveyor]):
 
 
 register(ConveyorModel(Conveyor))
+
+
+ON, LASTS = (0.3, 0.6), 0.6  # s from the start, and for which the light is on
+DARK, GREEN, RED = (0.20, 0.21, 0.23), (0.20, 0.95, 0.30), (0.98, 0.15, 0.12)
+
+
+@dataclass(frozen=True)
+class Flash(Conveyor):
+    """As `conveyor`, on a plate of `width` m that is lit from `on` s for LASTS s."""
+
+    kind: ClassVar[str] = "flash"
+    colour: ClassVar[tuple[float, float, float]] = GREEN
+    on: float
+
+    def scenery(self) -> tuple[Prop, ...]:
+        plate = flat("cylinder", (self.width / 2,), SHEET, DARK)
+        light = flat("cylinder", (self.width / 2 - 0.004,), SHEET + 0.001, self.colour)
+        return (Prop("plate", (plate,), self._under), Prop("light", (light,), self._light))
+
+    def _under(self, t: ArrayLike) -> Floats:
+        poses = self.pose(t)
+        poses[..., 3:] = pose()[3:]
+        return poses
+
+    def _light(self, t: ArrayLike) -> Floats:
+        t = np.asarray(t, float)
+        lit = (t >= self.on) & (t < self.on + LASTS)
+        return np.where(lit[..., None], self._under(t), AWAY)
+
+
+@dataclass(frozen=True)
+class RedFlash(Flash):
+    kind: ClassVar[str] = "flash_red"
+    colour: ClassVar[tuple[float, float, float]] = RED
+
+
+class FlashModel[F: Flash](ClosedFormModel[F]):
+    def shape(self, asked: MotionRequest, streams: Streams) -> dict[str, Any]:
+        pace, on = draw_pace(asked, streams.shape), float(streams.shape.uniform(*ON))
+        return {"pace": pace, "on": on, "width": 2 * (asked.radius + MARGIN)}
+
+
+register(FlashModel(Flash))
+register(FlashModel(RedFlash))

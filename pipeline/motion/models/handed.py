@@ -24,11 +24,8 @@ PART = (0.25, 0.45)  # share of time and way that the first piece takes
 @dataclass(frozen=True)
 class Handed(ClosedForm):
     """A minimum-jerk motion from `start` (x, y, z; m from the end), with a turn by `angle` rad
-    about `about`.
-
-    The share of the path is 10 u^3 - 15 u^4 + 6 u^5. With a `stop` the hand rests at that share
-    until `resumes`; `bow` (m) bends the path upwards.
-    """
+    about `about`. The share of the path is 10 u^3 - 15 u^4 + 6 u^5.
+    With a `stop` the hand rests at that share until `resumes`; `bow` (m) bends the path upwards."""
 
     kind: ClassVar[str] = "handed"
     start: tuple[float, float, float]
@@ -74,10 +71,8 @@ class Handed(ClosedForm):
 
     def scenery(self) -> tuple[Prop, ...]:
         palm = Piece("box", (0.040, 0.045, 0.009), pose((0, 0, -0.010)), SKIN)
-        fingers = [
-            Piece("box", (0.0085, 0.028, 0.007), pose((x, -0.072, -0.009)), SKIN)
-            for x in (-0.030, -0.010, 0.010, 0.030)
-        ]
+        places = [pose((x, -0.072, -0.009)) for x in (-0.030, -0.010, 0.010, 0.030)]
+        fingers = [Piece("box", (0.0085, 0.028, 0.007), place, SKIN) for place in places]
         arm = Piece("box", (0.028, 0.13, 0.022), pose((0, 0.17, -0.018)), (0.25, 0.35, 0.55))
         return (Prop("hand", (palm, *fingers, arm), self._under),)
 
@@ -99,9 +94,8 @@ class HandedModel(ClosedFormModel[Handed]):
 
     def candidates(self, asked: MotionRequest, streams: Streams) -> Iterator[Handed]:
         rng, total = streams.shape, asked.duration + asked.lead
-        speed = (
-            asked.alpha * rng.uniform(0.5, 0.9) / (PEAK if asked.speed_bound == "maximum" else 1.0)
-        )
+        peak = PEAK if asked.speed_bound == "maximum" else 1.0
+        speed = asked.alpha * rng.uniform(0.5, 0.9) / peak
         angle, rise, part = (float(rng.uniform(*r)) for r in (TURN, RISE, PART))
         resumes = part + 0.15
         if asked.level == 3 and asked.speed_bound == "maximum":
@@ -111,16 +105,9 @@ class HandedModel(ClosedFormModel[Handed]):
         about = tuple((axis / np.linalg.norm(axis)).tolist())
         for heading in sorted(headings(streams), key=lambda a: np.sin(a) < 0.3):
             level = way * np.cos(rise) * (0.8 if asked.level == 2 else 1.0)
-            start = (
-                float(level * np.cos(heading)),
-                float(level * np.sin(heading)),
-                float(way * np.sin(rise) * 0.8),
-            )
-            shape: dict[str, Any] = {
-                "start": start,
-                "about": about,
-                "angle": angle if asked.level else 0.0,
-            }
+            start = (level * np.cos(heading), level * np.sin(heading), way * np.sin(rise) * 0.8)
+            shape: dict[str, Any] = {"start": tuple(map(float, start)), "about": about}
+            shape["angle"] = angle if asked.level else 0.0
             if asked.level == 2:
                 shape |= {"bow": 0.15 * way}
             if asked.level == 3:

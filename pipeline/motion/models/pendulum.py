@@ -1,20 +1,12 @@
 """The target hangs from a visible hook and swings."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pipeline.motion.closed_form import (
-    ClosedForm,
-    ClosedFormModel,
-    common,
-    headings,
-    turned_about,
-    turns,
-)
+from pipeline.motion.closed_form import ClosedForm, ClosedFormModel, turned_about, turns
 from pipeline.motion.contract import MotionRequest, Streams, described
 from pipeline.motion.scenery import Piece, Prop, rod, standing
 from pipeline.poses import Floats, pose
@@ -101,30 +93,23 @@ class PendulumModel(ClosedFormModel[Pendulum]):
         "a swing that keeps its width", "a swing that dies away", "a swing that is knocked"
     )
 
-    def candidates(self, asked: MotionRequest, streams: Streams) -> Iterator[Pendulum]:
+    def shape(self, asked: MotionRequest, streams: Streams) -> dict[str, Any]:
         rng = streams.shape
         length, decay, share = (float(rng.uniform(*r)) for r in (LENGTH, DECAY, KNOCK))
         rate = np.sqrt(GRAVITY / length)
         half_swings = int((asked.duration + asked.lead) * rate / np.pi)
         knock = asked.duration - np.pi / rate * int(rng.integers(1, max(half_swings, 1) + 1))
         first = decay * (asked.duration + asked.lead) if asked.level == 2 else 0.0
-        amplitude = (
-            asked.alpha * rng.uniform(0.6, 0.95) / (rate * length) * np.exp(-first)
-            if asked.level
-            else 0.0
-        )
-        for heading in headings(streams):
-            shape: dict[str, Any] = {
-                "heading": heading,
-                "length": length,
-                "top": asked.height,
-                "amplitude": float(amplitude),
-            }
-            if asked.level == 2:
-                shape |= {"decay": decay}
-            if asked.level == 3:
-                shape |= {"knocks": (float(knock),), "share": share}
-            yield Pendulum(**common(asked), **shape)
+        amplitude = 0.0
+        if asked.level:
+            amplitude = asked.alpha * rng.uniform(0.6, 0.95) / (rate * length) * np.exp(-first)
+        shape = {"length": length, "top": asked.height, "amplitude": float(amplitude)}
+        match asked.level:
+            case 2:
+                return shape | {"decay": decay}
+            case 3:
+                return shape | {"knocks": (float(knock),), "share": share}
+        return shape
 
 
 register(PendulumModel(Pendulum))

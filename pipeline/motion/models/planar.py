@@ -2,8 +2,8 @@
 
 from collections import Counter
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import replace
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,16 +34,8 @@ SPEED_ROUNDING = 1e-9
 POINTS = 24
 NODES = np.concatenate([[0.0], quadrature(POINTS)[0], [1.0]])
 REASONS = (
-    "end_outside",
-    "miss",
-    "smooth",
-    "jump",
-    "speed",
-    "end_speed",
-    "workspace",
-    "tail",
-    "visibility",
-    "blocked",
+    *("end_outside", "miss", "smooth", "jump", "speed", "end_speed", "workspace", "tail"),
+    *("visibility", "blocked"),
 )
 
 
@@ -58,9 +50,8 @@ def judge_shapes(paths: DrawnPaths, asked: MotionRequest) -> NDArray[np.object_]
         inside = asked.workspace.guarded(asked.end[:2])
         farthest = np.maximum(asked.end[:2] - inside.lower, inside.upper - asked.end[:2])
         room = np.linalg.norm(farthest, axis=-1)
-        checks["workspace"] = (
-            np.linalg.norm(paths.coefficients[:, 0, :, 0] - asked.end[:2], axis=-1) <= room
-        )
+        way = paths.coefficients[:, 0, :, 0] - asked.end[:2]
+        checks["workspace"] = np.linalg.norm(way, axis=-1) <= room
     else:
         inside = asked.workspace.guarded(asked.end[:2]).contains(_samples(paths))
         checks["workspace"] = np.asarray(inside.all(-1))
@@ -85,9 +76,8 @@ def judge_places(paths: DrawnPaths, asked: MotionRequest) -> NDArray[np.object_]
     left = np.flatnonzero(reasons == "")
     if asked.visible is not None and len(left):
         xy = np.concatenate([points[left], last[left, None]], axis=1)
-        seen = asked.visible(
-            np.concatenate([xy, np.full((*xy.shape[:2], 1), asked.end[2])], axis=-1)
-        )
+        z = np.full((*xy.shape[:2], 1), asked.end[2])
+        seen = asked.visible(np.concatenate([xy, z], axis=-1))
         reasons[left[~np.asarray(seen, bool)]] = "visibility"
     return reasons
 
@@ -99,8 +89,7 @@ def _first_reasons(checks: dict[str, NDArray[np.bool_]]) -> NDArray[np.object_]:
     return reasons
 
 
-@dataclass(frozen=True, eq=False)
-class _Speeds:
+class _Speeds(NamedTuple):
     """Average, maximum, greatest jump, end velocity of N paths in m/s."""
 
     average: Floats
@@ -118,12 +107,8 @@ def _speeds(paths: DrawnPaths, total: float) -> _Speeds:
     leaving, entering = evaluate(slopes, 1.0) / spans, evaluate(slopes, 0.0) / spans
     jumps = np.where(used[:, 1:], np.linalg.norm(entering[:, 1:] - leaving[:, :-1], axis=-1), 0.0)
     rows = np.arange(len(used))
-    return _Speeds(
-        average,
-        (speed / spans).max((-1, -2)),
-        jumps.max(-1, initial=0.0),
-        leaving[rows, used.sum(-1) - 1],
-    )
+    greatest, last = (speed / spans).max((-1, -2)), leaving[rows, used.sum(-1) - 1]
+    return _Speeds(average, greatest, jumps.max(-1, initial=0.0), last)
 
 
 def _samples(paths: DrawnPaths) -> Floats:
@@ -143,11 +128,8 @@ def draw_motion(asked: MotionRequest, streams: Streams) -> PlanarMotion:
     end_pose = np.asarray(asked.end_pose, float)
     if not asked.workspace.contains(end_pose):
         raise NoMotion(asked, {"end_outside": 1})
-    still = replace(
-        PlanarMotion.still(end_pose, asked.duration, asked.lead),
-        level=asked.level,
-        alpha=asked.alpha,
-    )
+    still = PlanarMotion.still(end_pose, asked.duration, asked.lead)
+    still = replace(still, level=asked.level, alpha=asked.alpha)
     counts: Counter[str] = Counter()
     shape = _shape(asked, still, streams.shape, counts)
     if shape is None:
@@ -162,14 +144,8 @@ def _shape(
     asked: MotionRequest, still: PlanarMotion, rng: np.random.Generator, counts: Counter[str]
 ) -> DrawnPaths | None:
     for first in range(0, asked.candidates, BATCH):
-        paths = DRAW[asked.level](
-            rng,
-            min(BATCH, asked.candidates - first),
-            asked.alpha,
-            asked.total,
-            asked.end[:2],
-            asked.workspace,
-        )
+        law = asked.alpha, asked.total, asked.end[:2], asked.workspace
+        paths = DRAW[asked.level](rng, min(BATCH, asked.candidates - first), *law)
         reasons = judge_shapes(paths, asked)
         for i in np.flatnonzero(reasons == ""):
             motion = _motion(paths, int(i), still)
@@ -216,11 +192,8 @@ def _ordered(counts: Counter[str]) -> dict[str, int]:
 
 def _motion(paths: DrawnPaths, i: int, still: PlanarMotion) -> PlanarMotion:
     used, lead = int((paths.durations[i] > 0).sum()), still.lead
-    edges = [
-        0.0 - lead,
-        *(np.cumsum(paths.durations[i, : used - 1]) - lead).tolist(),
-        still.duration,
-    ]
+    breaks = (np.cumsum(paths.durations[i, : used - 1]) - lead).tolist()
+    edges = [0.0 - lead, *breaks, still.duration]
     pieces = []
     for start, end, c in zip(edges[:-1], edges[1:], paths.coefficients[i], strict=False):
         terms = int(np.flatnonzero(c.any(axis=0)).max(initial=0)) + 1
@@ -251,9 +224,8 @@ class Planar:
 
     def describe(self, motion: TargetMotion) -> str:
         pieces = len(motion.breakpoints()) + 1
-        return f"{self.levels[motion.level].text}, {motion.features().average_speed:.3f} m/s" + (
-            f", {pieces} pieces" if pieces > 1 else ""
-        )
+        text = f"{self.levels[motion.level].text}, {motion.features().average_speed:.3f} m/s"
+        return f"{text}, {pieces} pieces" if pieces > 1 else text
 
     def read(self, values: Mapping[str, Any]) -> PlanarMotion:
         return PlanarMotion.from_values(values)

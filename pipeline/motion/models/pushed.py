@@ -8,7 +8,7 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pipeline.motion.closed_form import ClosedForm, ClosedFormModel, common, headings, twists
+from pipeline.motion.closed_form import ClosedForm, ClosedFormModel, common, headings, turns, twists
 from pipeline.motion.contract import MotionRequest, Streams
 from pipeline.motion.scenery import Piece, Prop, standing
 from pipeline.poses import Floats, pose, quat_multiply, quat_rotate, yawed
@@ -18,6 +18,7 @@ from . import register
 PUSH = 0.12  # share of the time for which it is pushed
 # share of its speed that friction leaves it at the meeting
 KEPT = {1: (0.75, 0.95), 2: (0.15, 0.50), 3: (0.45, 0.80)}
+BOUNCES = (((0.35, 0.5), (0.65, 0.85)), ((0.4, 0.85),))  # shares of the time: of two, of one
 RESTITUTION, CUSHION_FRICTION = (0.5, 0.9), (0.05, 0.3)
 GLANCE = (0.5, 1.2)  # rad between its path and the normal of a cushion
 SLOWEST, LEAST_END = 0.5, 0.05  # shares of alpha: mean speed, and speed at the meeting
@@ -44,9 +45,9 @@ class Sliding(NamedTuple):
         """Distance (m), speed, angle (rad), spin, (...,) each, at t >= self.t."""
         gone = np.asarray(t, float) - self.t
         moving = gone if self.slowing <= 0 else np.minimum(gone, self.speed / self.slowing)
-        turning = (
-            np.minimum(gone, abs(self.spin) / self.spin_slowing) if self.spin_slowing > 0 else gone
-        )
+        turning = gone
+        if self.spin_slowing > 0:
+            turning = np.minimum(gone, abs(self.spin) / self.spin_slowing)
         sense = np.sign(self.spin)
         return (
             self.speed * moving - self.slowing * moving**2 / 2,
@@ -58,13 +59,9 @@ class Sliding(NamedTuple):
     def later(self, t: float) -> "Sliding":
         """The same slide from a later time on."""
         distance, speed, turned, spin = (float(value) for value in self.at(t))
-        x, y = (
-            self.x + distance * np.cos(self.direction),
-            self.y + distance * np.sin(self.direction),
-        )
-        return self._replace(
-            t=t, x=float(x), y=float(y), yaw=self.yaw + turned, speed=speed, spin=spin
-        )
+        x = float(self.x + distance * np.cos(self.direction))
+        y = float(self.y + distance * np.sin(self.direction))
+        return self._replace(t=t, x=x, y=y, yaw=self.yaw + turned, speed=speed, spin=spin)
 
     def bounced(
         self, normal: float, restitution: float, friction: float, radius: float
@@ -75,11 +72,8 @@ class Sliding(NamedTuple):
         into = -self.speed * np.cos(self.direction - normal)
         along = self.speed * np.sin(self.direction - normal)
         slip = along - radius * self.spin
-        rubbed = float(
-            np.clip(
-                slip / 3, -friction * (1 + restitution) * into, friction * (1 + restitution) * into
-            )
-        )
+        most = friction * (1 + restitution) * into
+        rubbed = float(np.clip(slip / 3, -most, most))
         along -= rubbed
         direction = normal + np.arctan2(along, restitution * into)
         speed, spin = float(np.hypot(along, restitution * into)), self.spin + 2 * rubbed / radius
@@ -107,18 +101,13 @@ class Pushed(ClosedForm):
         return np.moveaxis(picked, 0, -1), origin
 
     def place(self, t: Floats) -> Floats:
-        (distance, _, turned, _, direction), origin = (
-            np.moveaxis(self._located(t)[0], -1, 0),
-            self._located(t)[1],
-        )
+        located, origin = self._located(t)
+        distance, _, turned, _, direction = np.moveaxis(located, -1, 0)
         poses = np.broadcast_to(np.array(self.end), (*np.shape(t), 7)).copy()
         poses[..., 0] = origin[..., 0] + distance * np.cos(direction)
         poses[..., 1] = origin[..., 1] + distance * np.sin(direction)
-        half = (origin[..., 2] + turned)[..., None] / 2
-        poses[..., 3:] = quat_multiply(
-            np.concatenate([np.cos(half), 0 * half, 0 * half, np.sin(half)], -1),
-            np.array(self.end[3:]),
-        )
+        turn = turns((0, 0, 1), origin[..., 2] + turned)
+        poses[..., 3:] = quat_multiply(turn, np.array(self.end[3:]))
         return poses
 
     def rates(self, t: Floats) -> Floats:
@@ -154,31 +143,18 @@ class PushedModel(ClosedFormModel[Pushed]):
         slides, normals, restitution = _simulated(asked, streams.shape)
         while asked.level and slides[-1].later(asked.duration).speed < LEAST_END * asked.alpha:
             slides, normals, restitution = _simulated(asked, streams.shape)
-        end, (x, y, *_) = (
-            slides[-1].later(asked.duration),
-            np.asarray(asked.end_pose, float).tolist(),
-        )
+        end, (x, y, *_) = slides[-1].later(asked.duration), asked.end.tolist()
         for heading in headings(streams):
             turn, placed = yawed((0, 0, 0), heading)[3:], list[Sliding]()
             for one in slides:
-                dx, dy, _ = quat_rotate(
-                    turn, np.array([one.x - end.x, one.y - end.y, 0.0])
-                ).tolist()
-                placed.append(
-                    one._replace(
-                        x=x + dx, y=y + dy, yaw=one.yaw - end.yaw, direction=one.direction + heading
-                    )
-                )
+                way = np.array([one.x - end.x, one.y - end.y, 0.0])
+                dx, dy, _ = quat_rotate(turn, way).tolist()
+                yaw, direction = one.yaw - end.yaw, one.direction + heading
+                placed.append(one._replace(x=x + dx, y=y + dy, yaw=yaw, direction=direction))
             turned = tuple(normal + heading for normal in normals)
-            friction = slides[-1].slowing / 9.81
-            yield Pushed(
-                **common(asked),
-                pieces=tuple(placed),
-                normals=turned,
-                radius=asked.radius,
-                friction=friction,
-                restitution=restitution,
-            )
+            fields = common(asked) | {"pieces": tuple(placed), "normals": turned}
+            fields |= {"radius": asked.radius, "friction": slides[-1].slowing / 9.81}
+            yield Pushed(**fields, restitution=restitution)
 
 
 def _simulated(
@@ -188,49 +164,29 @@ def _simulated(
     linear in the speed.
     """
     total, kept = asked.lead + asked.duration, float(rng.uniform(*KEPT[max(asked.level, 1)]))
-    pushed, restitution, friction = (
-        PUSH * total,
-        float(rng.uniform(*RESTITUTION)),
-        float(rng.uniform(*CUSHION_FRICTION)),
-    )
+    pushed = PUSH * total
+    restitution, friction = (float(rng.uniform(*r)) for r in (RESTITUTION, CUSHION_FRICTION))
     slowing = (1 - kept) / (total - pushed)
     first = Sliding(-asked.lead, 0.0, 0.0, 0.0, 0.0, 0.0, -1 / pushed, 0.0, 0.0)
-    slides, normals = (
-        [first, first.later(pushed - asked.lead)._replace(slowing=slowing)],
-        list[float](),
-    )
+    slides = [first, first.later(pushed - asked.lead)._replace(slowing=slowing)]
+    normals = list[float]()
     if asked.level == 3:
-        bounces = int(rng.integers(1, 3))
-        for at in (
-            np.sort(rng.uniform(0.4, 0.85, bounces))
-            if bounces == 1
-            else (rng.uniform(0.35, 0.5), rng.uniform(0.65, 0.85))
-        ):
+        is_single = int(rng.integers(1, 3)) == 1
+        for at in [rng.uniform(*share) for share in BOUNCES[is_single]]:
             struck = slides[-1].later(float(at) * total - asked.lead)
             normal = struck.direction + np.pi + float(rng.uniform(*GLANCE) * rng.choice([-1, 1]))
-            spin_slowing = 4 / 3 * slowing / asked.radius
-            slides.append(
-                struck.bounced(normal, restitution, friction, asked.radius)._replace(
-                    spin_slowing=spin_slowing
-                )
-            )
+            after = struck.bounced(normal, restitution, friction, asked.radius)
+            slides.append(after._replace(spin_slowing=4 / 3 * slowing / asked.radius))
             normals.append(float(normal))
     ends = [one.t for one in slides[1:]] + [asked.duration]
     way = sum(float(one.at(end)[0]) for one, end in zip(slides, ends, strict=True))
     speed = asked.alpha * rng.uniform(SLOWEST, 1.0) if asked.level else 0.0
     scale = speed * (1.0 if asked.speed_bound == "maximum" else total / way)
-    return [_scaled(one, scale) for one in slides], normals, restitution
-
-
-def _scaled(one: Sliding, by: float) -> Sliding:
-    return Sliding(
-        one.t,
-        one.x * by,
-        one.y * by,
-        one.yaw * by,
-        one.direction,
-        *(by * value for value in one[5:]),
+    scaled = (
+        [v if name in ("t", "direction") else v * scale for name, v in one._asdict().items()]
+        for one in slides
     )
+    return [Sliding(*values) for values in scaled], normals, restitution
 
 
 register(PushedModel(Pushed))

@@ -1,13 +1,12 @@
 """The target slides down a visible ramp and out onto the table."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any, ClassVar
 
 import numpy as np
 
-from pipeline.motion.closed_form import Along, ClosedFormModel, common, headings
+from pipeline.motion.closed_form import Along, ClosedFormModel, turns
 from pipeline.motion.contract import MotionRequest, Streams
 from pipeline.motion.pace import draw_pace
 from pipeline.motion.scenery import Piece, Prop, standing
@@ -40,29 +39,26 @@ class Ramp(Along):
         pitch = np.minimum(back / FILLET, self.slope_angle)
         return pitch, FILLET * pitch, back - FILLET * pitch
 
-    def _turn(self, pitch: Floats) -> Floats:
-        axis, half = (
-            np.array([-np.sin(self.heading), np.cos(self.heading), 0.0]),
-            np.asarray(pitch)[..., None] / 2,
-        )
-        return np.concatenate([np.cos(half), np.sin(half) * axis], -1)
+    @property
+    def _axis(self) -> Floats:
+        return np.array([-np.sin(self.heading), np.cos(self.heading), 0.0])
 
     def at(self, s: Floats) -> Floats:
         s = np.asarray(s, float)
         pitch, _, straight = self._bend(s)
         ahead = np.maximum(s, -self.foot) - FILLET * np.sin(pitch) - straight * np.cos(pitch)
         up = FILLET * (1 - np.cos(pitch)) + straight * np.sin(pitch)
-        place = np.array(self.end[:3]) + np.stack(
-            [ahead * np.cos(self.heading), ahead * np.sin(self.heading), up], -1
-        )
-        return np.concatenate([place, quat_multiply(self._turn(pitch), np.array(self.end[3:]))], -1)
+        way = [ahead * np.cos(self.heading), ahead * np.sin(self.heading), up]
+        place = np.array(self.end[:3]) + np.stack(way, -1)
+        turn = quat_multiply(turns(self._axis, pitch), np.array(self.end[3:]))
+        return np.concatenate([place, turn], -1)
 
     def slope(self, s: Floats) -> Floats:
         pitch, _, _ = self._bend(s)
-        c, axis = np.cos(pitch), np.array([-np.sin(self.heading), np.cos(self.heading), 0.0])
+        c = np.cos(pitch)
         line = np.stack([c * np.cos(self.heading), c * np.sin(self.heading), -np.sin(pitch)], -1)
         bending = (pitch > 0) & (pitch < self.slope_angle)
-        return np.concatenate([line, -(bending / FILLET)[..., None] * axis], -1)
+        return np.concatenate([line, -(bending / FILLET)[..., None] * self._axis], -1)
 
     def scenery(self) -> tuple[Prop, ...]:
         """The ramp: short boards along the bend, and a long one."""
@@ -75,31 +71,19 @@ class Ramp(Along):
             pitch = float(self._bend(middle)[0])
             tilt = quat_multiply(turn, quat_about((0, 1, 0), pitch))
             place = self.at(middle)[:3] - quat_rotate(tilt, np.array([0.0, 0.0, THIN]))
-            boards.append(
-                Piece(
-                    "box",
-                    ((far - near) / 2 + 0.001, self.width / 2, THIN),
-                    pose(place, tilt),
-                    STEEL,
-                )
-            )
+            size = ((far - near) / 2 + 0.001, self.width / 2, THIN)
+            boards.append(Piece("box", size, pose(place, tilt), STEEL))
         return (Prop("ramp", tuple(boards), standing(pose()), solid=True),)
 
 
 class RampModel(ClosedFormModel[Ramp]):
-    def candidates(self, asked: MotionRequest, streams: Streams) -> Iterator[Ramp]:
+    def shape(self, asked: MotionRequest, streams: Streams) -> dict[str, Any]:
         pace = draw_pace(asked, streams.shape)
         slope, foot = float(streams.shape.uniform(*SLOPE)), float(streams.shape.uniform(*FOOT))
         farthest = -float(pace.advance(np.linspace(-asked.lead, asked.duration, 200)).min())
         length = max(0.05, farthest - foot - FILLET * slope) + asked.radius + 0.02
-        for heading in headings(streams):
-            size: dict[str, Any] = {
-                "slope_angle": slope,
-                "foot": foot,
-                "width": 2 * asked.radius + 0.02,
-                "length": length,
-            }
-            yield Ramp(**common(asked), pace=pace, heading=heading, **size)
+        sizes = {"foot": foot, "width": 2 * asked.radius + 0.02, "length": length}
+        return {"pace": pace, "slope_angle": slope, **sizes}
 
 
 register(RampModel(Ramp))

@@ -2,11 +2,11 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
-from pipeline.motion.closed_form import Along, ClosedFormModel, common, headings, twists
+from pipeline.motion.closed_form import Along, ClosedFormModel, ahead_of, common, headings, twists
 from pipeline.motion.contract import MotionRequest, Streams
 from pipeline.motion.pace import SLOWEST, Pace, draw_forward
 from pipeline.motion.scenery import Prop, hood, standing
@@ -37,29 +37,19 @@ class Tunnel(Conveyor):
 
 
 class TunnelModel(ClosedFormModel[Tunnel]):
-    """The target never goes back. The first of TRIES paces that begins before the tunnel is
-    taken.
-    """
+    """The target never goes back. The first of TRIES paces that begins before the tunnel counts."""
 
-    def candidates(self, asked: MotionRequest, streams: Streams) -> Iterator[Tunnel]:
-        radius, shape = asked.radius, streams.shape
-        clear = radius + float(shape.uniform(*CLEAR))
+    def shape(self, asked: MotionRequest, streams: Streams) -> dict[str, Any]:
+        radius, rng = asked.radius, streams.shape
+        clear = radius + float(rng.uniform(*CLEAR))
         far = clear + 3 * radius + SHORTEST + SEEN
-        paces = [draw_forward(asked, shape) for _ in range(TRIES)]
+        paces = [draw_forward(asked, rng) for _ in range(TRIES)]
         longest = max(paces, key=lambda pace: _way(pace, asked))
         pace = next((pace for pace in paces if _way(pace, asked) > far), longest)
         way = _way(pace, asked)
         length = float(np.clip(way - clear - radius - SEEN, 2 * radius + SHORTEST, LONGEST))
-        for heading in headings(streams):
-            yield Tunnel(
-                **common(asked),
-                pace=pace,
-                heading=heading,
-                width=2 * (radius + ROOM),
-                clear=clear,
-                length=length,
-                height=asked.height + ROOM,
-            )
+        sizes = {"width": 2 * (radius + ROOM), "length": length, "height": asked.height + ROOM}
+        return {"pace": pace, "clear": clear, **sizes}
 
 
 def _way(pace: Pace, asked: MotionRequest) -> float:
@@ -73,9 +63,7 @@ HALF = 0.45  # share of the way that the second pass takes
 
 @dataclass(frozen=True)
 class Twice(Along):
-    """A first pass on a lane to the `side` (+1 left). A hood hides the half circle of `turn` m
-    back.
-    """
+    """A first pass on a lane to the `side` (+1 left). A hood hides the half circle of `turn` m."""
 
     kind: ClassVar[str] = "twice"
     heading: float
@@ -94,19 +82,17 @@ class Twice(Along):
     def at(self, s: Floats) -> Floats:
         angle, second, first = self._parts(np.asarray(s))
         ahead = second - self.turn * np.sin(angle) + first
-        return self.carried_by(*self._world(ahead, self.side * self.turn * (1 - np.cos(angle))))
+        aside = self.side * self.turn * (1 - np.cos(angle))
+        return self.carried_by(*ahead_of(self.heading, ahead, aside))
 
     def slope(self, s: Floats) -> Floats:
         angle = self._parts(np.asarray(s))[0]
-        return twists(*self._world(np.cos(angle), -self.side * np.sin(angle)))
-
-    def _world(self, ahead: Floats, aside: Floats) -> tuple[Floats, Floats]:
-        c, s = np.cos(self.heading), np.sin(self.heading)
-        return c * ahead - s * aside, s * ahead + c * aside
+        return twists(*ahead_of(self.heading, np.cos(angle), -self.side * np.sin(angle)))
 
     def scenery(self) -> tuple[Prop, ...]:
         front, rear = -self.back + self.radius, -self.back - self.turn - self.radius - ROOM
-        x, y = self._world(np.array((front + rear) / 2), np.array(self.side * self.turn))
+        middle = np.array((front + rear) / 2), np.array(self.side * self.turn)
+        x, y = ahead_of(self.heading, *middle)
         at = yawed(np.array([self.end[0] + x, self.end[1] + y, self.end[2]]), self.heading)
         wide = self.turn + self.radius + ROOM
         pieces = hood((front - rear) / 2, wide, self.height + ROOM)

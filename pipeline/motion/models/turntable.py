@@ -49,10 +49,11 @@ class Turntable(Along):
     def _pivot(self) -> Floats:
         return np.array([*self.centre, self.end[2]])
 
+    def _turn(self, s: Floats) -> Floats:
+        return turns(UP, self.sense * np.asarray(s) / self.radius)
+
     def at(self, s: Floats) -> Floats:
-        return turned_about(
-            self.end, self._pivot, turns(UP, self.sense * np.asarray(s) / self.radius)
-        )
+        return turned_about(self.end, self._pivot, self._turn(s))
 
     def slope(self, s: Floats) -> Floats:
         rate = self.sense / self.radius
@@ -61,27 +62,17 @@ class Turntable(Along):
 
     def scenery(self) -> tuple[Prop, ...]:
         """The disc, with spokes by which its turning is seen."""
-        spokes = [
-            Piece(
-                "box",
-                (0.45 * self.disc, 0.004, SHEET / 2 + 0.0004),
-                pose((0, 0, SHEET / 2), quat_about(UP, a)),
-                INLAY,
-            )
-            for a in (0.0, np.pi / 3, 2 * np.pi / 3)
-        ]
-        hub = flat("cylinder", (0.012,), 0.004, HUB)
-        return (
-            Prop(
-                "disc", (flat("cylinder", (self.disc,), SHEET, SLATE), *spokes, hub), self._turned
-            ),
-        )
+        size = (0.45 * self.disc, 0.004, SHEET / 2 + 0.0004)
+        thirds = (0.0, np.pi / 3, 2 * np.pi / 3)
+        places = (pose((0, 0, SHEET / 2), quat_about(UP, angle)) for angle in thirds)
+        spokes = [Piece("box", size, place, INLAY) for place in places]
+        plate = flat("cylinder", (self.disc,), SHEET, SLATE)
+        pieces = (plate, *spokes, flat("cylinder", (0.012,), 0.004, HUB))
+        return (Prop("disc", pieces, self._turned),)
 
     def _turned(self, t: ArrayLike) -> Floats:
         advance = self.pace.advance(np.maximum(np.asarray(t, float), -self.lead))
-        return turned_about(
-            pose(self._pivot), self._pivot, turns(UP, self.sense * advance / self.radius)
-        )
+        return turned_about(pose(self._pivot), self._pivot, self._turn(advance))
 
 
 class TurntableModel(ClosedFormModel[Turntable]):
@@ -93,12 +84,11 @@ class TurntableModel(ClosedFormModel[Turntable]):
         x, y = asked.end[:2].tolist()
         for angle in headings(streams):
             centre = (float(x + radius * np.cos(angle)), float(y + radius * np.sin(angle)))
-            if asked.company:
-                centre = (float(bodies[:, 0].mean()), float(bodies[:, 1].mean()))
-            sense = int(streams.direction.choice([-1, 1]))
             disc = radius + asked.radius
             if asked.company:
+                centre = (float(bodies[:, 0].mean()), float(bodies[:, 1].mean()))
                 disc = (np.hypot(*(bodies[:, :2] - centre).T) + bodies[:, 2]).max()
+            sense = int(streams.direction.choice([-1, 1]))
             yield Turntable(
                 **common(asked), pace=pace, centre=centre, sense=sense, disc=float(disc + RIM)
             )

@@ -1,12 +1,12 @@
-"""The target moves on a circle and keeps its orientation."""
+"""The target moves on a circle, or goes straight on and swings to either side."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
-from pipeline.motion.closed_form import Along, ClosedFormModel, common, headings, twists
+from pipeline.motion.closed_form import Along, ClosedFormModel, ahead_of, common, headings, twists
 from pipeline.motion.contract import MotionRequest, Streams
 from pipeline.motion.pace import draw_pace
 from pipeline.poses import Floats
@@ -14,6 +14,7 @@ from pipeline.poses import Floats
 from . import register
 
 RADIUS = (0.04, 0.10)  # m
+AMPLITUDE, WAVELENGTH = (0.015, 0.04), (0.10, 0.20)  # m
 
 
 @dataclass(frozen=True)
@@ -49,3 +50,36 @@ class CircleModel(ClosedFormModel[Circle]):
 
 
 register(CircleModel(Circle))
+
+
+@dataclass(frozen=True)
+class Sinusoid(Along):
+    """By s along `heading` (rad), aside by amplitude (sin(2 pi s / wavelength + phase) -
+    sin(phase))."""
+
+    kind: ClassVar[str] = "sinusoid"
+    heading: float
+    amplitude: float
+    wavelength: float
+    phase: float
+
+    def at(self, s: Floats) -> Floats:
+        s = np.asarray(s)
+        wave = np.sin(2 * np.pi * s / self.wavelength + self.phase) - np.sin(self.phase)
+        return self.carried_by(*ahead_of(self.heading, s, self.amplitude * wave))
+
+    def slope(self, s: Floats) -> Floats:
+        wave = 2 * np.pi / self.wavelength
+        aside = self.amplitude * wave * np.cos(wave * np.asarray(s) + self.phase)
+        return twists(*ahead_of(self.heading, np.ones(np.shape(s)), aside))
+
+
+class SinusoidModel(ClosedFormModel[Sinusoid]):
+    def shape(self, asked: MotionRequest, streams: Streams) -> dict[str, Any]:
+        ranges = {"amplitude": AMPLITUDE, "wavelength": WAVELENGTH, "phase": (-np.pi, np.pi)}
+        wave = {name: float(streams.shape.uniform(*bounds)) for name, bounds in ranges.items()}
+        slope = 2 * np.pi * wave["amplitude"] / wave["wavelength"]
+        return wave | {"pace": draw_pace(asked, streams.shape, float(np.hypot(1.0, slope)))}
+
+
+register(SinusoidModel(Sinusoid))
