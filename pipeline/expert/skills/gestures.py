@@ -5,8 +5,6 @@ from itertools import islice
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pipeline.expert.actor import Actor, Steps, skill
-from pipeline.expert.budgets import POUR, SPEEDS
 from pipeline.planning.failure import PlanFailure
 from pipeline.planning.planner import ArmPlanner
 from pipeline.poses import (
@@ -20,6 +18,8 @@ from pipeline.poses import (
     transform,
 )
 
+from ..actor import Actor, Steps, skill
+from ..budgets import POUR, SPEEDS
 from .hand import hand_boxes
 
 

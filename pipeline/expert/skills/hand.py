@@ -7,14 +7,15 @@ from functools import lru_cache
 import numpy as np
 
 from pipeline.data.clock import PHYSICS_HZ
-from pipeline.expert.actor import Actor, MotionStep, Steps, skill
-from pipeline.expert.budgets import GRASP, SPEEDS, TIMING
-from pipeline.expert.candidates import GraspOptions
-from pipeline.expert.grasping import plan_grasp
 from pipeline.planning.budgets import LIMITS
 from pipeline.planning.trajectory import ArmTrajectory, time_parameterise
 from pipeline.poses import Floats, Pose, compose, inverse, transform
 from pipeline.world.robots.contract import Arm, arm_poses
+
+from ..actor import Actor, MotionStep, Steps, skill
+from ..budgets import GRASP, SPEEDS, TIMING
+from ..candidates import GraspOptions
+from ..grasping import plan_grasp
 
 
 def jaws(a: Actor, side: str, value: float, hold: float = TIMING.squeeze) -> MotionStep:

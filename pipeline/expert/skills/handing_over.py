@@ -6,14 +6,14 @@ from itertools import islice
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pipeline.expert.actor import Actor, Steps, skill
-from pipeline.expert.budgets import HAND_OVER, MOVE
-from pipeline.expert.candidates import GraspOptions, backed_off, hand_poses
-from pipeline.expert.grasping import can_take_over
 from pipeline.planning.failure import PlanFailure
 from pipeline.planning.trajectory import ArmTrajectory
 from pipeline.poses import Floats, Pose
 
+from ..actor import Actor, Steps, skill
+from ..budgets import HAND_OVER, MOVE
+from ..candidates import GraspOptions, backed_off, hand_poses
+from ..grasping import can_take_over
 from .hand import take
 from .moving import reach
 

@@ -6,13 +6,14 @@ from contextlib import suppress
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pipeline.expert.actor import Actor, Steps, skill
-from pipeline.expert.budgets import MOVE, SPEEDS
-from pipeline.expert.candidates import backed_off, hand_poses, lifted
 from pipeline.planning.failure import PlanFailure
 from pipeline.planning.planner import ArmPlanner
 from pipeline.planning.trajectory import ArmTrajectory
 from pipeline.poses import Floats, Pose
+
+from ..actor import Actor, Steps, skill
+from ..budgets import MOVE, SPEEDS
+from ..candidates import backed_off, hand_poses, lifted
 
 _STEP_OFF_DIRECTIONS = ((0, 0, 1), (0, -1, 0), (1, 0, 0), (-1, 0, 0), (0, 1, 0))
 

@@ -5,11 +5,12 @@ from collections.abc import Iterator
 import numpy as np
 
 from pipeline.data.names import SIDES
-from pipeline.expert.actor import Actor, MotionStep, Skill, Steps, skill
 from pipeline.planning.failure import PlanFailure
 from pipeline.planning.planner import NO_ARM, Apart
 from pipeline.planning.trajectory import ArmTrajectory
 from pipeline.poses import Floats
+
+from ..actor import Actor, MotionStep, Skill, Steps, skill
 
 
 def first_of(*skills: Skill) -> Skill:

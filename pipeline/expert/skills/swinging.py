@@ -7,13 +7,14 @@ from itertools import product
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pipeline.expert.actor import Actor, Steps, skill
-from pipeline.expert.budgets import SPEEDS, SWING
-from pipeline.expert.candidates import hand_poses, lifted
 from pipeline.planning.failure import PlanFailure
 from pipeline.planning.path import IsFree
 from pipeline.planning.planner import ArmPlanner
 from pipeline.poses import Floats, Pose, quat_about, quat_multiply, quat_rotate
+
+from ..actor import Actor, Steps, skill
+from ..budgets import SPEEDS, SWING
+from ..candidates import hand_poses, lifted
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,16 +9,10 @@ from typing import Any
 import numpy as np
 
 from pipeline.data.errors import DominoError
-from pipeline.motion.contract import (
-    Level,
-    MotionModel,
-    MotionRequest,
-    NoMotion,
-    Streams,
-    TargetMotion,
-)
-from pipeline.motion.wrapped import CARRIED, Changed, Company, Rider, changes_of
 from pipeline.registry import Registry, place_in
+
+from ..contract import Level, MotionModel, MotionRequest, NoMotion, Streams, TargetMotion
+from ..wrapped import CARRIED, Changed, Company, Rider, changes_of
 
 PLANAR = "planar"
 STILL = Level("the target stands still", "#6b7280")

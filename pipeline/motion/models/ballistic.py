@@ -7,12 +7,12 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pipeline.motion.closed_form import ClosedForm, ClosedFormModel, twists
-from pipeline.motion.contract import MotionRequest, Streams
-from pipeline.motion.pace import Pace, draw_pace
-from pipeline.motion.scenery import Prop, flat, rod
 from pipeline.poses import Floats, pose
 
+from ..closed_form import ClosedForm, ClosedFormModel, twists
+from ..contract import MotionRequest, Streams
+from ..pace import Pace, draw_pace
+from ..scenery import Prop, flat, rod
 from . import register
 
 GRAVITY = 9.81

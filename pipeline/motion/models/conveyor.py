@@ -9,12 +9,12 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pipeline.motion.closed_form import Along, ClosedFormModel, common, headings
-from pipeline.motion.contract import MotionRequest, Streams
-from pipeline.motion.pace import draw_pace
-from pipeline.motion.scenery import AWAY, SHEET, Piece, Prop, flat, standing
 from pipeline.poses import Floats, pose, yawed
 
+from ..closed_form import Along, ClosedFormModel, common, headings
+from ..contract import MotionRequest, Streams
+from ..pace import draw_pace
+from ..scenery import AWAY, SHEET, Piece, Prop, flat, standing
 from . import register
 
 RUBBER, RAIL, SLAT = (0.13, 0.14, 0.15), (0.62, 0.64, 0.66), (0.85, 0.72, 0.20)

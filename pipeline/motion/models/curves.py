@@ -6,11 +6,11 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from pipeline.motion.closed_form import Along, ClosedFormModel, ahead_of, common, headings, twists
-from pipeline.motion.contract import MotionRequest, Streams
-from pipeline.motion.pace import draw_pace
 from pipeline.poses import Floats
 
+from ..closed_form import Along, ClosedFormModel, ahead_of, common, headings, twists
+from ..contract import MotionRequest, Streams
+from ..pace import draw_pace
 from . import register
 
 RADIUS = (0.04, 0.10)  # m

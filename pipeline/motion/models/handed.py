@@ -7,11 +7,11 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pipeline.motion.closed_form import ClosedForm, ClosedFormModel, common, headings, turns
-from pipeline.motion.contract import MotionRequest, Streams, described
-from pipeline.motion.scenery import Piece, Prop
 from pipeline.poses import Floats, pose, quat_multiply
 
+from ..closed_form import ClosedForm, ClosedFormModel, common, headings, turns
+from ..contract import MotionRequest, Streams, described
+from ..scenery import Piece, Prop
 from . import register
 
 PEAK = 1.875  # greatest speed of a minimum-jerk motion in mean speeds

@@ -6,11 +6,11 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pipeline.motion.closed_form import ClosedForm, ClosedFormModel, turned_about, turns
-from pipeline.motion.contract import MotionRequest, Streams, described
-from pipeline.motion.scenery import Piece, Prop, rod, standing
 from pipeline.poses import Floats, pose
 
+from ..closed_form import ClosedForm, ClosedFormModel, turned_about, turns
+from ..contract import MotionRequest, Streams, described
+from ..scenery import Piece, Prop, rod, standing
 from . import register
 
 GRAVITY = 9.81

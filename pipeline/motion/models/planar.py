@@ -8,7 +8,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.motion.contract import (
+from pipeline.poses import Floats
+
+from ..contract import (
     MotionRequest,
     NoMotion,
     SpeedBound,
@@ -18,10 +20,8 @@ from pipeline.motion.contract import (
     bounded,
     described,
 )
-from pipeline.motion.planar import PlanarMotion, Segment, derivative, evaluate, quadrature
-from pipeline.motion.planar_shapes import DRAW, DrawnPaths, turned
-from pipeline.poses import Floats
-
+from ..planar import PlanarMotion, Segment, derivative, evaluate, quadrature
+from ..planar_shapes import DRAW, DrawnPaths, turned
 from . import register
 
 BATCH = 128

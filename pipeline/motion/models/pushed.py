@@ -8,11 +8,11 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pipeline.motion.closed_form import ClosedForm, ClosedFormModel, common, headings, turns, twists
-from pipeline.motion.contract import MotionRequest, Streams
-from pipeline.motion.scenery import Piece, Prop, standing
 from pipeline.poses import Floats, pose, quat_multiply, quat_rotate, yawed
 
+from ..closed_form import ClosedForm, ClosedFormModel, common, headings, turns, twists
+from ..contract import MotionRequest, Streams
+from ..scenery import Piece, Prop, standing
 from . import register
 
 PUSH = 0.12  # share of the time for which it is pushed

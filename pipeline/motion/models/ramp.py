@@ -6,12 +6,12 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from pipeline.motion.closed_form import Along, ClosedFormModel, turns
-from pipeline.motion.contract import MotionRequest, Streams
-from pipeline.motion.pace import draw_pace
-from pipeline.motion.scenery import Piece, Prop, standing
 from pipeline.poses import Floats, pose, quat_about, quat_multiply, quat_rotate, yawed
 
+from ..closed_form import Along, ClosedFormModel, turns
+from ..contract import MotionRequest, Streams
+from ..pace import draw_pace
+from ..scenery import Piece, Prop, standing
 from . import register
 
 SLOPE, FOOT = (0.2, 0.4), (0.03, 0.07)  # rad; m from the foot of the ramp to the meeting

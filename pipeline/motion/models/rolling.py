@@ -8,12 +8,12 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pipeline.motion.closed_form import Along, ClosedFormModel, common, headings, turns
-from pipeline.motion.contract import MotionRequest, Streams
-from pipeline.motion.pace import SLOWEST, Pace, draw_forward, draw_pace
-from pipeline.motion.scenery import Piece, Prop, flat, standing
 from pipeline.poses import Floats, pose, quat_multiply, quat_rotate, yawed
 
+from ..closed_form import Along, ClosedFormModel, common, headings, turns
+from ..contract import MotionRequest, Streams
+from ..pace import SLOWEST, Pace, draw_forward, draw_pace
+from ..scenery import Piece, Prop, flat, standing
 from . import register
 
 

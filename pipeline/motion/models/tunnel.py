@@ -6,12 +6,12 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from pipeline.motion.closed_form import Along, ClosedFormModel, ahead_of, common, headings, twists
-from pipeline.motion.contract import MotionRequest, Streams
-from pipeline.motion.pace import SLOWEST, Pace, draw_forward
-from pipeline.motion.scenery import Prop, hood, standing
 from pipeline.poses import Floats, yawed
 
+from ..closed_form import Along, ClosedFormModel, ahead_of, common, headings, twists
+from ..contract import MotionRequest, Streams
+from ..pace import SLOWEST, Pace, draw_forward
+from ..scenery import Prop, hood, standing
 from . import register
 from .conveyor import Conveyor
 

@@ -7,20 +7,12 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pipeline.motion.closed_form import (
-    Along,
-    ClosedFormModel,
-    common,
-    headings,
-    turned_about,
-    turns,
-    twists,
-)
-from pipeline.motion.contract import MotionRequest, Streams
-from pipeline.motion.pace import draw_pace
-from pipeline.motion.scenery import SHEET, Piece, Prop, flat
 from pipeline.poses import Floats, pose, quat_about
 
+from ..closed_form import Along, ClosedFormModel, common, headings, turned_about, turns, twists
+from ..contract import MotionRequest, Streams
+from ..pace import draw_pace
+from ..scenery import SHEET, Piece, Prop, flat
 from . import register
 
 SLATE, INLAY, HUB = (0.30, 0.36, 0.42), (0.86, 0.86, 0.84), (0.75, 0.75, 0.78)

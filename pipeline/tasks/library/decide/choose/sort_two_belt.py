@@ -14,14 +14,7 @@ from pipeline.tasks.contract import (
 from pipeline.tasks.outcome import Outcome
 from pipeline.world.physics.body import Body
 
-from .named import (
-    COLOURS,
-    drop_in,
-    lies_in,
-    look_of,
-    row,
-    take,
-)
+from .named import COLOURS, drop_in, lies_in, look_of, row, take
 
 
 @register

@@ -1,16 +1,7 @@
 from pipeline.expert.actor import Actor, Skills
 from pipeline.expert.scripts import let_go, set_down_on
 from pipeline.expert.skills import ROUND, pause
-from pipeline.tasks.contract import (
-    Bodies,
-    Draw,
-    Limit,
-    Placement,
-    Region,
-    Task,
-    by_name,
-    register,
-)
+from pipeline.tasks.contract import Bodies, Draw, Limit, Placement, Region, Task, by_name, register
 from pipeline.tasks.outcome import Outcome, within
 
 WATCHED = 1.5  # s for which the arm stays at home: the cup passes the first time

@@ -5,20 +5,13 @@ from dataclasses import replace
 import numpy as np
 
 from pipeline.world.looks.materials import fabric, metal, plastic, wrapped
-from pipeline.world.objects.colliders import arc_of_capsules, tray, vessel
-from pipeline.world.objects.contract import NamedFrames, register
-from pipeline.world.objects.geometry import (
-    at,
-    box,
-    loft,
-    revolve,
-    rounded_rectangle,
-    stacked,
-    sweep,
-    tapered,
-)
-from pipeline.world.objects.grasping import TILTED, bar_pinches, box_pinches, rim_pinches, turned
-from pipeline.world.objects.kit import (
+from pipeline.world.shapes import Mesh, Shape, deferred, seen_along
+
+from ...colliders import arc_of_capsules, tray, vessel
+from ...contract import NamedFrames, register
+from ...geometry import at, box, loft, revolve, rounded_rectangle, stacked, sweep, tapered
+from ...grasping import TILTED, bar_pinches, box_pinches, rim_pinches, turned
+from ...kit import (
     COLOURS,
     LARGE,
     WIDE,
@@ -31,7 +24,6 @@ from pipeline.world.objects.kit import (
     one_of,
     texture,
 )
-from pipeline.world.shapes import Mesh, Shape, deferred, seen_along
 
 WALL = 0.006
 WEAVE = 0.056  # m: a tile of wicker, eight strands

@@ -8,22 +8,13 @@ import numpy as np
 
 from pipeline.poses import Pose
 from pipeline.world.looks.materials import WOODS, metal, painted, wood
-from pipeline.world.objects.colliders import box_collider, capsule_between, tray
-from pipeline.world.objects.contract import NamedFrames, Slide, register
-from pipeline.world.objects.geometry import at, box, sweep
-from pipeline.world.objects.grasping import handle_pinches
-from pipeline.world.objects.kit import (
-    COLOURS,
-    LARGE,
-    Parametric,
-    between,
-    hollow,
-    mark,
-    one_of,
-    standing,
-    texture,
-)
 from pipeline.world.shapes import Material, Shape
+
+from ...colliders import box_collider, capsule_between, tray
+from ...contract import NamedFrames, Slide, register
+from ...geometry import at, box, sweep
+from ...grasping import handle_pinches
+from ...kit import COLOURS, LARGE, Parametric, between, hollow, mark, one_of, standing, texture
 
 BOARD = 0.012
 GAP = 0.002

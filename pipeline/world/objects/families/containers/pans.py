@@ -7,21 +7,13 @@ import numpy as np
 
 from pipeline.poses import quat_about
 from pipeline.world.looks.materials import made_of, metal, painted, plastic, wrapped
-from pipeline.world.objects.colliders import arc_of_capsules, box_collider, vessel
-from pipeline.world.objects.contract import NamedFrames, register
-from pipeline.world.objects.geometry import at, box, revolve, sweep, tapered
-from pipeline.world.objects.grasping import handle_pinches, rim_pinches
-from pipeline.world.objects.kit import (
-    COLOURS,
-    LARGE,
-    Parametric,
-    between,
-    hollow,
-    listed,
-    mark,
-    one_of,
-)
 from pipeline.world.shapes import Shape
+
+from ...colliders import arc_of_capsules, box_collider, vessel
+from ...contract import NamedFrames, register
+from ...geometry import at, box, revolve, sweep, tapered
+from ...grasping import handle_pinches, rim_pinches
+from ...kit import COLOURS, LARGE, Parametric, between, hollow, listed, mark, one_of
 
 WALL = 0.004
 

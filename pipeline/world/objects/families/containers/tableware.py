@@ -6,17 +6,13 @@ import numpy as np
 
 from pipeline.poses import quat_rotate
 from pipeline.world.looks.materials import glaze, made_of, metal, plastic
-from pipeline.world.objects.colliders import (
-    arc_of_capsules,
-    cylinder_collider,
-    disc,
-    ring_of_boxes,
-    vessel,
-)
-from pipeline.world.objects.contract import NamedFrames, register
-from pipeline.world.objects.geometry import at, cylinder, revolve, sweep
-from pipeline.world.objects.grasping import handle_pinches, rim_pinches, side_pinches
-from pipeline.world.objects.kit import (
+from pipeline.world.shapes import Shape
+
+from ...colliders import arc_of_capsules, cylinder_collider, disc, ring_of_boxes, vessel
+from ...contract import NamedFrames, register
+from ...geometry import at, cylinder, revolve, sweep
+from ...grasping import handle_pinches, rim_pinches, side_pinches
+from ...kit import (
     COLOURS,
     LARGE,
     PASTELS,
@@ -28,8 +24,7 @@ from pipeline.world.objects.kit import (
     one_of,
     standing,
 )
-from pipeline.world.objects.surface import join
-from pipeline.world.shapes import Shape
+from ...surface import join
 
 WALL = 0.004
 

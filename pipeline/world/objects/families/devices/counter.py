@@ -14,9 +14,11 @@ from pipeline.world.looks.materials import (
     printed,
     rubber,
 )
-from pipeline.world.objects.colliders import Colliders, box_collider, cylinder_collider, disc, slab
-from pipeline.world.objects.contract import NamedFrames, register
-from pipeline.world.objects.geometry import (
+from pipeline.world.shapes import Shape
+
+from ...colliders import Colliders, box_collider, cylinder_collider, disc, slab
+from ...contract import NamedFrames, register
+from ...geometry import (
     at,
     box,
     cylinder,
@@ -27,20 +29,8 @@ from pipeline.world.objects.geometry import (
     side_prism,
     upright,
 )
-from pipeline.world.objects.grasping import box_pinches, side_pinches
-from pipeline.world.objects.kit import (
-    COLOURS,
-    LARGE,
-    TALL,
-    Parametric,
-    between,
-    drawn,
-    mark,
-    one_of,
-    standing,
-    texture,
-)
-from pipeline.world.shapes import Shape
+from ...grasping import box_pinches, side_pinches
+from ...kit import COLOURS, LARGE, TALL, Parametric, between, drawn, mark, one_of, standing, texture
 
 
 @register("qr_sign")

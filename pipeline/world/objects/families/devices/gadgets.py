@@ -12,7 +12,9 @@ from pipeline.world.looks.materials import (
     rubber,
     wrapped,
 )
-from pipeline.world.objects.colliders import (
+from pipeline.world.shapes import Shape, seen_along
+
+from ...colliders import (
     ALONG_X,
     ALONG_Y,
     box_collider,
@@ -22,8 +24,8 @@ from pipeline.world.objects.colliders import (
     slab,
     sphere_collider,
 )
-from pipeline.world.objects.contract import Grasp, NamedFrames, register
-from pipeline.world.objects.geometry import (
+from ...contract import Grasp, NamedFrames, register
+from ...geometry import (
     at,
     box,
     cylinder,
@@ -35,21 +37,9 @@ from pipeline.world.objects.geometry import (
     stacked,
     sweep,
 )
-from pipeline.world.objects.grasping import TILTED, bar_pinches, box_pinches
-from pipeline.world.objects.kit import (
-    COLOURS,
-    LARGE,
-    LONG,
-    Parametric,
-    between,
-    drawn,
-    mark,
-    one_of,
-    standing,
-    texture,
-)
-from pipeline.world.objects.surface import join
-from pipeline.world.shapes import Shape, seen_along
+from ...grasping import TILTED, bar_pinches, box_pinches
+from ...kit import COLOURS, LARGE, LONG, Parametric, between, drawn, mark, one_of, standing, texture
+from ...surface import join
 
 
 @register("fan")

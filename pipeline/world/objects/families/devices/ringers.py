@@ -4,7 +4,9 @@ import numpy as np
 
 from pipeline.poses import quat_about
 from pipeline.world.looks.materials import metal, painted, plastic, print_texture, printed
-from pipeline.world.objects.colliders import (
+from pipeline.world.shapes import Material, Mesh, Shape
+
+from ...colliders import (
     ALONG_Y,
     box_collider,
     convex_collider,
@@ -14,21 +16,10 @@ from pipeline.world.objects.colliders import (
     slab,
     twelve_sided,
 )
-from pipeline.world.objects.contract import NamedFrames, register
-from pipeline.world.objects.geometry import at, box, cylinder, decal, revolve, sweep, upright
-from pipeline.world.objects.grasping import box_pinches, side_pinches
-from pipeline.world.objects.kit import (
-    COLOURS,
-    DARKS,
-    LARGE,
-    Parametric,
-    between,
-    mark,
-    one_of,
-    standing,
-    texture,
-)
-from pipeline.world.shapes import Material, Mesh, Shape
+from ...contract import NamedFrames, register
+from ...geometry import at, box, cylinder, decal, revolve, sweep, upright
+from ...grasping import box_pinches, side_pinches
+from ...kit import COLOURS, DARKS, LARGE, Parametric, between, mark, one_of, standing, texture
 
 
 @register("alarm_clock")

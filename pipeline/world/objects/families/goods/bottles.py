@@ -6,28 +6,13 @@ import numpy as np
 
 from pipeline.poses import Pose, compose, pose, quat_about
 from pipeline.world.looks.materials import glaze, metal, plastic, print_texture, printed, wrapped
-from pipeline.world.objects.colliders import (
-    convex_collider,
-    cylinder_collider,
-    disc,
-    twelve_sided,
-)
-from pipeline.world.objects.contract import NamedFrames, register
-from pipeline.world.objects.geometry import at, band, box, cylinder, revolve
-from pipeline.world.objects.grasping import bar_pinches, side_pinches
-from pipeline.world.objects.kit import (
-    BRANDS,
-    COLOURS,
-    LONG,
-    TALL,
-    Parametric,
-    between,
-    mark,
-    one_of,
-    standing,
-    texture,
-)
 from pipeline.world.shapes import Shape
+
+from ...colliders import convex_collider, cylinder_collider, disc, twelve_sided
+from ...contract import NamedFrames, register
+from ...geometry import at, band, box, cylinder, revolve
+from ...grasping import bar_pinches, side_pinches
+from ...kit import BRANDS, COLOURS, LONG, TALL, Parametric, between, mark, one_of, standing, texture
 
 HEIGHT = (0.15, 0.215)
 BODY = ("low", "side", "high")

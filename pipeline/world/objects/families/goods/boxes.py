@@ -5,19 +5,13 @@ from typing import Any
 import numpy as np
 
 from pipeline.world.looks.materials import print_texture, printed, srgb
-from pipeline.world.objects.colliders import convex_collider, slab
-from pipeline.world.objects.contract import NamedFrames, register
-from pipeline.world.objects.geometry import (
-    at,
-    box,
-    decal,
-    rounded_rectangle,
-    stack,
-    stacked,
-    upright,
-)
-from pipeline.world.objects.grasping import box_pinches
-from pipeline.world.objects.kit import (
+from pipeline.world.shapes import Material, Shape
+
+from ...colliders import convex_collider, slab
+from ...contract import NamedFrames, register
+from ...geometry import at, box, decal, rounded_rectangle, stack, stacked, upright
+from ...grasping import box_pinches
+from ...kit import (
     BRANDS,
     COLOURS,
     LARGE,
@@ -30,7 +24,6 @@ from pipeline.world.objects.kit import (
     standing,
     texture,
 )
-from pipeline.world.shapes import Material, Shape
 
 STYLES = ("label", "stripes", "dots", "diamond")
 TEA = (0.08, 0.11)

@@ -4,9 +4,11 @@ import numpy as np
 
 from pipeline.poses import quat_about
 from pipeline.world.looks.materials import glaze, painted, wrapped
-from pipeline.world.objects.colliders import convex_collider, disc
-from pipeline.world.objects.contract import NamedFrames, register
-from pipeline.world.objects.geometry import (
+from pipeline.world.shapes import Material, Mesh, Shape, seen_along
+
+from ...colliders import convex_collider, disc
+from ...contract import NamedFrames, register
+from ...geometry import (
     at,
     cylinder,
     ellipse,
@@ -17,19 +19,8 @@ from pipeline.world.objects.geometry import (
     stack,
     stacked,
 )
-from pipeline.world.objects.grasping import box_pinches, side_pinches
-from pipeline.world.objects.kit import (
-    LARGE,
-    Parametric,
-    between,
-    drawn,
-    mark,
-    one_of,
-    size_word,
-    standing,
-    texture,
-)
-from pipeline.world.shapes import Material, Mesh, Shape, seen_along
+from ...grasping import box_pinches, side_pinches
+from ...kit import LARGE, Parametric, between, drawn, mark, one_of, size_word, standing, texture
 
 # length over width
 FORMS = {"bun": (1.0, 1.08), "loaf": (1.5, 1.9), "baguette": (2.9, 3.6), "roll": (1.05, 1.35)}

@@ -4,32 +4,14 @@ import numpy as np
 
 from pipeline.poses import quat_about
 from pipeline.world.looks.materials import fabric, plastic, rubber, wrapped
-from pipeline.world.objects.colliders import convex_collider
-from pipeline.world.objects.contract import Grasp, NamedFrames, register
-from pipeline.world.objects.geometry import (
-    at,
-    capsule,
-    ellipse,
-    extrude,
-    loft,
-    revolve,
-    scaled,
-    sphere,
-)
-from pipeline.world.objects.grasping import box_pinches
-from pipeline.world.objects.kit import (
-    COLOURS,
-    LARGE,
-    Parametric,
-    between,
-    drawn,
-    mark,
-    one_of,
-    standing,
-    texture,
-)
-from pipeline.world.objects.surface import finish
 from pipeline.world.shapes import Mesh, Shape
+
+from ...colliders import convex_collider
+from ...contract import Grasp, NamedFrames, register
+from ...geometry import at, capsule, ellipse, extrude, loft, revolve, scaled, sphere
+from ...grasping import box_pinches
+from ...kit import COLOURS, LARGE, Parametric, between, drawn, mark, one_of, standing, texture
+from ...surface import finish
 
 # Along the shoe from heel (0) to toe (1): half width as a share of the ball's, height of the ridge
 # as a share of the collar's.

@@ -14,10 +14,12 @@ from pipeline.world.looks.materials import (
     worn,
     wrapped,
 )
-from pipeline.world.objects.colliders import disc, slab
-from pipeline.world.objects.contract import NamedFrames, register
-from pipeline.world.objects.geometry import at, cylinder, extrude, revolve, rounded_rectangle
-from pipeline.world.objects.kit import (
+from pipeline.world.shapes import Shape, seen_along
+
+from ...colliders import disc, slab
+from ...contract import NamedFrames, register
+from ...geometry import at, cylinder, extrude, revolve, rounded_rectangle
+from ...kit import (
     COLOURS,
     LARGE,
     Parametric,
@@ -31,7 +33,6 @@ from pipeline.world.objects.kit import (
     standing,
     texture,
 )
-from pipeline.world.shapes import Shape, seen_along
 
 MAT = (0.10, 0.17)
 TONES = {"wood": ("oak", "walnut", "beech", "mahogany"), "rubber": COLOURS, "painted": COLOURS}

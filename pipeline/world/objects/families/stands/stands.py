@@ -4,32 +4,12 @@ import numpy as np
 
 from pipeline.poses import quat_about
 from pipeline.world.looks.materials import WOODS, made_of, srgb
-from pipeline.world.objects.colliders import arc_of_capsules, box_collider, cylinder_collider, disc
-from pipeline.world.objects.contract import NamedFrames, register
-from pipeline.world.objects.geometry import (
-    at,
-    box,
-    cylinder,
-    extrude,
-    revolve,
-    rounded_rectangle,
-    sphere,
-    stack,
-    sweep,
-)
-from pipeline.world.objects.kit import (
-    COLOURS,
-    LARGE,
-    TALL,
-    WIDE,
-    Parametric,
-    between,
-    mark,
-    one_of,
-    standing,
-    texture,
-)
 from pipeline.world.shapes import Material, Shape
+
+from ...colliders import arc_of_capsules, box_collider, cylinder_collider, disc
+from ...contract import NamedFrames, register
+from ...geometry import at, box, cylinder, extrude, revolve, rounded_rectangle, sphere, stack, sweep
+from ...kit import COLOURS, LARGE, TALL, WIDE, Parametric, between, mark, one_of, standing, texture
 
 TONES = {
     "wood": ("oak", "walnut", "pine", "birch"),

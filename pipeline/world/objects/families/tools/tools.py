@@ -16,18 +16,13 @@ from pipeline.world.looks.materials import (
     rubber,
     wood,
 )
-from pipeline.world.objects.colliders import (
-    ALONG_X,
-    box_collider,
-    cylinder_collider,
-    disc,
-    prism_collider,
-    slab,
-)
-from pipeline.world.objects.contract import NamedFrames, register
-from pipeline.world.objects.geometry import at, band, box, cylinder, decal, revolve, side_prism
-from pipeline.world.objects.grasping import bar_pinches, box_pinches, side_pinches
-from pipeline.world.objects.kit import (
+from pipeline.world.shapes import Collider, Shape
+
+from ...colliders import ALONG_X, box_collider, cylinder_collider, disc, prism_collider, slab
+from ...contract import NamedFrames, register
+from ...geometry import at, band, box, cylinder, decal, revolve, side_prism
+from ...grasping import bar_pinches, box_pinches, side_pinches
+from ...kit import (
     BRANDS,
     COLOURS,
     LARGE,
@@ -40,8 +35,7 @@ from pipeline.world.objects.kit import (
     standing,
     texture,
 )
-from pipeline.world.objects.surface import join
-from pipeline.world.shapes import Collider, Shape
+from ...surface import join
 
 _STEEL_TO_WOOD = 9.0
 _METALS = ("silver", "charcoal", "gray")

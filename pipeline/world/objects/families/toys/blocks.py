@@ -6,22 +6,14 @@ import numpy as np
 
 from pipeline.poses import quat_about
 from pipeline.world.looks.materials import WOODS, painted, plastic, rubber, wood, worn
-from pipeline.world.objects.colliders import disc, prism_collider, slab
-from pipeline.world.objects.contract import NamedFrames, register
-from pipeline.world.objects.geometry import at, box, cylinder, decal, side_prism, upright
-from pipeline.world.objects.grasping import PITCHES, box_pinches, side_pinches
-from pipeline.world.objects.kit import (
-    COLOURS,
-    LARGE,
-    Parametric,
-    between,
-    mark,
-    one_of,
-    standing,
-    texture,
-)
-from pipeline.world.objects.surface import join
 from pipeline.world.shapes import Shape
+
+from ...colliders import disc, prism_collider, slab
+from ...contract import NamedFrames, register
+from ...geometry import at, box, cylinder, decal, side_prism, upright
+from ...grasping import PITCHES, box_pinches, side_pinches
+from ...kit import COLOURS, LARGE, Parametric, between, mark, one_of, standing, texture
+from ...surface import join
 
 SKINS = {"painted": (painted, 600.0), "plastic": (plastic, 500.0), "rubber": (rubber, 700.0)}
 

@@ -7,12 +7,13 @@ import numpy as np
 
 from pipeline.poses import quat_about
 from pipeline.world.looks.materials import glaze, made_of, metal, painted, plastic, rubber
-from pipeline.world.objects.colliders import ALONG_Y, prism_collider, slab, sphere_collider, tray
-from pipeline.world.objects.contract import NamedFrames, register
-from pipeline.world.objects.families.containers.bins import open_box
-from pipeline.world.objects.geometry import at, box, cylinder, revolve, side_prism, sphere
-from pipeline.world.objects.grasping import box_pinches, side_pinches
-from pipeline.world.objects.kit import (
+from pipeline.world.shapes import Shape
+
+from ...colliders import ALONG_Y, prism_collider, slab, sphere_collider, tray
+from ...contract import NamedFrames, register
+from ...geometry import at, box, cylinder, revolve, side_prism, sphere
+from ...grasping import box_pinches, side_pinches
+from ...kit import (
     COLOURS,
     LARGE,
     LONG,
@@ -26,7 +27,7 @@ from pipeline.world.objects.kit import (
     pick,
     standing,
 )
-from pipeline.world.shapes import Shape
+from ..containers.bins import open_box
 
 
 @register("ball")
