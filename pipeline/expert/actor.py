@@ -82,8 +82,7 @@ class Actor:
 
     By side, `held` is what it carries, `expected` its joints while the other arm is planned. By
     body, `approaches` are the directions (3,) of its last grasp; `avoid` lists directions of last
-    resort.
-    """
+    resort."""
 
     def __init__(
         self,
@@ -167,7 +166,6 @@ class Actor:
         return visible(head.type, head.pose, points)
 
     def arm_planner(self, side: str) -> ArmPlanner:
-        """A planner in the scene as it is now."""
         return ArmPlanner(self.planner, side, self.planning_scene(), self.rng)
 
     def collision(self, name: str) -> tuple[Collider, ...]:
@@ -176,7 +174,6 @@ class Actor:
 
     @contextmanager
     def noting(self, skill: str, arms: tuple[str, ...], body: str, part: str) -> Iterator[None]:
-        """Note what the block executes as a run of a skill."""
         body = body or next((self.held[side] for side in arms if side in self.held), "")
         run = SkillRun(skill, arms, body, part, self.half, self.simulation.steps, -1)
         place = len(self._runs)  # runs within this one come after it
@@ -209,8 +206,7 @@ class Actor:
         until: Callable[[int], bool] = lambda row: False,
     ) -> bool:
         """Execute recorded rows (N,A) up to one for which `until` holds, and return whether there
-        was one.
-        """
+        was one."""
         for row, (command, velocity) in enumerate(zip(commands, velocities, strict=True)):
             if until(row):
                 self._runs += [
@@ -228,8 +224,7 @@ class Actor:
 
     def execute(self, step: MotionStep) -> None:
         """Run a motion step's trajectories together. Raises PlanFailure: step_limit,
-        excess_force.
-        """
+        excess_force."""
         for command, velocity in zip(*self.commands(step), strict=True):
             self.advance(command, velocity)
 
@@ -269,7 +264,6 @@ class Actor:
             self.sweep.append(self.simulation.poses())
 
     def wait(self, seconds: float) -> None:
-        """Hold the last command."""
         command = self.simulation.command
         for _ in range(round(seconds * PHYSICS_HZ)):
             self.advance(command, np.zeros(len(command)))

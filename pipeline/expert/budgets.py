@@ -1,6 +1,5 @@
 """Search budgets, cost weights, margins and speeds of the expert. Costs are joint distances in rad
-(m for a prismatic joint) from the arm's command.
-"""
+(m for a prismatic joint) from the arm's command."""
 
 from dataclasses import dataclass
 

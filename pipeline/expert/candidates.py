@@ -35,8 +35,7 @@ class GraspOptions:
 @dataclass(frozen=True, eq=False)
 class Candidates:
     """Grasps of a body, twice with the jaws exchanged: tcp poses (N,7) in body (`local`) and world
-    frame (`tcp`), and joints q (N,n). `order` are reachable ones, cheapest first.
-    """
+    frame (`tcp`), and joints q (N,n). `order` are reachable ones, cheapest first."""
 
     grasps: list[Grasp]
     local: Floats
@@ -47,7 +46,6 @@ class Candidates:
 
 
 def lifted(p: Pose, height: float) -> Pose:
-    """The same pose `height` m higher."""
     return p + np.array([0, 0, height, 0, 0, 0, 0])
 
 

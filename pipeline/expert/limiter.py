@@ -21,8 +21,7 @@ class Limiter:
     """Commands at the physics rate, LAG later than their goal, from rest at `start` (A,).
 
     The columns of each of `arms` close their distances in proportion, else a hand that swings aside
-    would dip on its way.
-    """
+    would dip on its way."""
 
     def __init__(
         self, start: Floats, speed: Floats, acceleration: Floats, arms: Sequence[slice] = ()

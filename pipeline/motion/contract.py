@@ -33,8 +33,7 @@ class TargetMotion(Protocol):
     """Where a target is at time t (s); the robot starts at 0.
 
     It stands until -`lead`, is at its manipulation pose at `duration`, and continues until
-    released. Positions are those of the body's origin in the world, m; `alpha` is in m/s.
-    """
+    released. Positions are those of the body's origin in the world, m; `alpha` is in m/s."""
 
     @property
     def model(self) -> str: ...
@@ -53,8 +52,7 @@ class TargetMotion(Protocol):
 
     def twist(self, t: ArrayLike) -> Floats:
         """Linear (m/s), then angular velocity (rad/s), (..., 6), in the world: after a breakpoint,
-        zero before -lead.
-        """
+        zero before -lead."""
         ...
 
     def breakpoints(self) -> Floats:
@@ -116,7 +114,6 @@ class MotionRequest:
 
     @property
     def total(self) -> float:
-        """Seconds from the start to the meeting."""
         return self.lead + self.duration
 
 
@@ -130,8 +127,7 @@ class Streams:
 
 class NoMotion(Exception):
     """No candidate was acceptable. `counts` maps reasons to rejected candidates; `features` are of
-    the last shape, if any.
-    """
+    the last shape, if any."""
 
     def __init__(
         self, asked: MotionRequest, counts: Mapping[str, int], features: Features | None = None
@@ -167,8 +163,7 @@ class Verdict:
 
 class MotionModel(Protocol):
     """A family of motions, by level; `levels` omits 0. `version` rises when `draw` returns
-    something else for the same request and streams.
-    """
+    something else for the same request and streams."""
 
     @property
     def name(self) -> str: ...

@@ -35,8 +35,7 @@ class Pace:
 
     def _pieces(self, t: ArrayLike) -> tuple[Floats, Floats, Floats, Floats, Floats]:
         """Share, duration and speed of the piece, the advance at its start, the time after the
-        last.
-        """
+        last."""
         t = np.asarray(t, float)
         starts, edges = np.array([self.start, *self.edges[:-1]]), np.array(self.edges)
         spans, speeds = edges - starts, np.array(self.speeds)
@@ -58,7 +57,6 @@ class Pace:
 
 
 def draw_forward(asked: MotionRequest, rng: np.random.Generator) -> Pace:
-    """As `draw_pace`, without a piece that goes backwards."""
     pace = draw_pace(asked, rng)
     while min(pace.speeds) < 0:
         pace = draw_pace(asked, rng)

@@ -19,8 +19,7 @@ from .scenery import Prop
 @cache
 def interpolation(n: int) -> Floats:
     """Matrix (n, n) from values at 0, 1/(n-1), ..., 1 to polynomial coefficients (appendix D.3).
-    Lagrange's form makes the digits independent of LAPACK.
-    """
+    Lagrange's form makes the digits independent of LAPACK."""
     nodes = np.arange(n) / (n - 1)
     columns = []
     for i, node in enumerate(nodes):
@@ -116,8 +115,7 @@ class Segment:
 @dataclass(frozen=True, eq=False)
 class PlanarMotion:
     """Polynomial pieces in x and y, at constant height `z` (m). After the meeting the last velocity
-    is kept. Raises ValueError if the segments leave a gap.
-    """
+    is kept. Raises ValueError if the segments leave a gap."""
 
     level: int
     alpha: float

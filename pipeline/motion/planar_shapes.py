@@ -1,8 +1,7 @@
 """Candidates for the motion of levels 1, 2 and 3, drawn in batches after appendix D.3 of the paper.
 
 Starts and intermediate points are drawn within alpha * total of the end: the paper's distribution
-conditioned on acceptance. It accepts 1 level 3 candidate in 80, the plain draw 1 in 400.
-"""
+conditioned on acceptance. It accepts 1 level 3 candidate in 80, the plain draw 1 in 400."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -28,8 +27,7 @@ QUANTILES = 10_000
 @dataclass(frozen=True, eq=False)
 class DrawnPaths:
     """N candidate paths of up to S pieces: `durations` (N,S) in s, 0 if unused; `coefficients`
-    (N,S,2,5) in m over normalised time; `missed` (N,).
-    """
+    (N,S,2,5) in m over normalised time; `missed` (N,)."""
 
     durations: Floats
     coefficients: Floats
@@ -44,8 +42,7 @@ def turned(
     path: DrawnPaths, angles: Floats, mirrored: NDArray[np.bool_], end: ArrayLike
 ) -> DrawnPaths:
     """One path (a batch of 1) turned about its `end` by `angles` (N,) rad, after a reflection if
-    `mirrored`.
-    """
+    `mirrored`."""
     n, c, s = len(angles), np.cos(angles), np.sin(angles)
     flip = np.where(mirrored, -1.0, 1.0)
     turn = np.stack([np.stack([c, -s * flip], -1), np.stack([s, c * flip], -1)], 1)
@@ -107,8 +104,7 @@ def draw_level_3(
     """`n` paths of two or three pieces with Dirichlet(1) durations, none below 0.1 s (or total/6).
 
     A piece has constant velocity (probability 0.2, clamped to alpha) or is a polynomial of degree
-    2-3. A clamped intermediate piece ends short of its target; a clamped last piece has missed.
-    """
+    2-3. A clamped intermediate piece ends short of its target; a clamped last piece has missed."""
     end = np.asarray(end, float)
     count = rng.integers(2, MAX_PIECES + 1, n)
     durations = _durations(rng, count, total)

@@ -1,6 +1,5 @@
 """The arrays of the group `interception`, from the state log and the target's motion. Poses are
-interpolated between frames.
-"""
+interpolated between frames."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -94,14 +93,12 @@ class Interception:
 
     @cached_property
     def first_contacts(self) -> dict[str, Touch]:
-        """The first contact of each arm that touched the target, by side."""
         return {touch.side: touch for touch in self.log.touches}
 
     @cached_property
     def held(self) -> NDArray[np.bool_]:
         """(T,2) whether each arm holds the target: touching and steady for GRASP_SECONDS, then
-        travelling GRASP_TRAVEL together: a press is no grasp.
-        """
+        travelling GRASP_TRAVEL together: a press is no grasp."""
         out = np.zeros((len(self.log), len(SIDES)), bool)
         for name in self.log.sides:
             side = SIDES.index(name)
@@ -126,8 +123,7 @@ class Interception:
 
     def grasp_pose(self) -> Floats:
         """(T,7) the tcp pose of the first contact, carried with the target; else the target's
-        poses.
-        """
+        poses."""
         first = min(self.log.touches, key=lambda touch: (touch.step, touch.side), default=None)
         if first is None:
             return self.target.copy()
@@ -188,8 +184,7 @@ def physics_arrays(
     derived: Interception, conditions: Mapping[str, NDArray[np.bool_]]
 ) -> dict[str, NDArray[Any]]:
     """Arrays of the group `interception` (docs/formats.md), and the success conditions (T,) by
-    name.
-    """
+    name."""
     log, rate = derived.log, derived.rate
     planned = derived.meta.meeting_time
     values: dict[str, NDArray[Any]] = {
@@ -218,7 +213,6 @@ def physics_arrays(
 
 
 def conditions_of(arrays: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[np.bool_]]:
-    """The success conditions (T,) by name from the arrays of the group."""
     return {
         key.removeprefix(CONDITIONS): values
         for key, values in arrays.items()

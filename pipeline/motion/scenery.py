@@ -21,8 +21,7 @@ HOOD, STRIPS = (0.16, 0.30, 0.42), ((0.07, 0.07, 0.08), (0.10, 0.10, 0.11))
 @dataclass(frozen=True, eq=False)
 class Piece:
     """A box, cylinder or sphere at a pose (7,) in its prop. `size` (m): half extents; radius and
-    half length; radius.
-    """
+    half length; radius."""
 
     kind: Literal["box", "cylinder", "sphere"]
     size: tuple[float, ...]
@@ -33,8 +32,7 @@ class Piece:
 @dataclass(frozen=True, eq=False)
 class Prop:
     """A rigid thing of a motion and its pose (..., 7) until the release. The robot must not touch a
-    `solid` one before the meeting.
-    """
+    `solid` one before the meeting."""
 
     name: str
     pieces: tuple[Piece, ...]
@@ -43,7 +41,6 @@ class Prop:
 
 
 def standing(at: Pose) -> Callable[[ArrayLike], Floats]:
-    """The pose (7,) of a prop that never moves."""
     return lambda t: np.broadcast_to(at, (*np.shape(t), 7))
 
 
@@ -59,8 +56,7 @@ def flat(
 
 def hood(half_length: float, half_width: float, height: float) -> tuple[Piece, ...]:
     """A tunnel along x, `half_width` and `height` (m) inside, with curtains that hide what is
-    inside.
-    """
+    inside."""
     wall = 0.002
     walls = [
         Piece("box", (half_length, wall, height / 2), pose((0, y, height / 2)), HOOD)
@@ -78,7 +74,6 @@ def hood(half_length: float, half_width: float, height: float) -> tuple[Piece, .
 def rod(
     start: ArrayLike, end: ArrayLike, radius: float, colour: tuple[float, float, float]
 ) -> Piece:
-    """A cylinder between two points (3,)."""
     a, b = np.asarray(start, float), np.asarray(end, float)
     length = float(np.linalg.norm(b - a))
     z = (b - a) / length

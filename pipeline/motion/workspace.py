@@ -30,12 +30,10 @@ class Workspace:
 
     @property
     def lower(self) -> Floats:
-        """Corner (x_min, y_min)."""
         return np.array([self.x_min, self.y_min])
 
     @property
     def upper(self) -> Floats:
-        """Corner (x_max, y_max)."""
         return np.array([self.x_max, self.y_max])
 
     def contains(self, points: ArrayLike, margin: float = 0.0) -> NDArray[np.bool_]:
@@ -57,8 +55,7 @@ class Workspace:
         D.3).
 
         The two edges closest to the end are kept at `margin` m, or at the end's own distance if
-        smaller.
-        """
+        smaller."""
         end = np.asarray(end, float)
         high = end >= (self.lower + self.upper) / 2
         room = np.where(high, self.upper - end, end - self.lower)

@@ -97,7 +97,6 @@ class Company(Wrapped):
     others: Mapping[str, TargetMotion]
 
     def scenery(self) -> tuple[Prop, ...]:
-        """The target's, and that of the others under names that begin with theirs."""
         more = [
             replace(p, name=f"{name}_{p.name}")
             for name, motion in self.others.items()
@@ -106,7 +105,6 @@ class Company(Wrapped):
         return (*self.base.scenery(), *more)
 
     def to_json(self) -> str:
-        """The target's JSON with those of the others under the key `others`."""
         others = {name: json.loads(motion.to_json()) for name, motion in self.others.items()}
         return json.dumps(json.loads(self.base.to_json()) | {"others": others}, allow_nan=False)
 
@@ -177,7 +175,6 @@ class Changed(Wrapped):
         return np.unique(np.concatenate([self.base.breakpoints(), times]))
 
     def scenery(self) -> tuple[Prop, ...]:
-        """That of the base, which stops and turns with it."""
         return tuple(
             replace(prop, pose=lambda t, prop=prop: prop.pose(self._clock(t)[0]))
             for prop in self.base.scenery()
@@ -189,7 +186,6 @@ class Changed(Wrapped):
 
 
 def changed(motion: TargetMotion, change: Change) -> Changed:
-    """The motion with one more change, later than those that it has."""
     if isinstance(motion, Changed):
         return Changed(motion.base, (*motion.changes, change))
     return Changed(motion, (change,))

@@ -1,6 +1,5 @@
 """What a task is: a layout, a script in two halves and named success conditions; see
-docs/add_a_task.md.
-"""
+docs/add_a_task.md."""
 
 import sys
 from abc import ABC, abstractmethod
@@ -28,6 +27,7 @@ from .outcome import Outcome
 INTERCEPTION: Final = "interception"
 TRACKING: Final = "tracking"
 type Span = tuple[float, float]
+ANY_YAW: Span = (-3.14, 3.14)  # rad
 
 
 @dataclass(frozen=True)
@@ -117,7 +117,6 @@ class Draw:
         return int(self.placement.integers(2)) * 2 - 1
 
     def uniform(self, low: float, high: float) -> float:
-        """A number of the placement stream."""
         return float(self.placement.uniform(low, high))
 
     def several[T](self, options: Sequence[T], count: int) -> list[T]:
@@ -134,8 +133,7 @@ class Task(ABC):
     are tolerances by name; "lift" requires that the manipulated body once rose that far. Domino
     rules leave out `own_conditions`. `subgoals` lists the conditions of each part of a long task.
     `seen` and `unseen` are read from phrases/<name>.txt unless set. `suite` is the folder in the
-    library, or "own".
-    """
+    library, or "own"."""
 
     name: ClassVar[str] = ""
     suite: ClassVar[str] = ""
@@ -166,8 +164,7 @@ class Task(ABC):
 
     def choices(self, bodies: dict[str, Body]) -> dict[str, str]:
         """Words by slot of the sentences that name the one of like bodies, such as {"choice":
-        "red"}.
-        """
+        "red"}."""
         return {}
 
     @abstractmethod
@@ -182,16 +179,14 @@ class Task(ABC):
     def success(self, o: Outcome, arms: dict[str, str]) -> dict[str, bool]:
         """The success conditions by name, the same at every frame; all must hold at the last one.
 
-        A name without that of a body is about the manipulated body. No condition may raise.
-        """
+        A name without that of a body is about the manipulated body. No condition may raise."""
 
     def under(self, rules: Rules) -> dict[str, float]:
         return {name: limit.under(rules) for name, limit in self.limits.items()}
 
     def conditions(self, o: Outcome, arms: dict[str, str]) -> dict[str, bool]:
         """The success conditions, and that the manipulated body was lifted if there is a "lift".
-        Strict rules of tracking tasks add that the handled body touched the target first.
-        """
+        Strict rules of tracking tasks add that the handled body touched the target first."""
         conditions = self.success(o, arms)
         if (lift := self.under(o.rules).get("lift")) is not None:
             conditions["was_lifted"] = o.highest_rise(self.manipulated) > lift
@@ -263,12 +258,10 @@ def _check_names(cls: type[Task], task: str) -> None:
 
 
 def side_of(body: Body) -> str:
-    """The arm beside a body: left for x < 0."""
     return "left" if body.pose[0] < 0 else "right"
 
 
 def other_side(side: str) -> str:
-    """The arm that is not `side`."""
     return "left" if side == "right" else "right"
 
 
@@ -278,7 +271,6 @@ def sign_of(side: str) -> int:
 
 
 def name_of(instance: Family) -> str:
-    """The registered name of the class of an instance."""
     return next(name for name, family in FAMILIES.items() if family is type(instance))
 
 

@@ -67,8 +67,7 @@ def lay_out(
 ) -> dict[str, Body]:
     """Bodies by name on the table with disjoint footprints, drawn again while `suits` refuses.
     `in_view` is asked for the middle (3,) of the target and `shown` bodies. Raises
-    PlanFailure("layout").
-    """
+    PlanFailure("layout")."""
     why = ""
     for _ in range(_LAYOUTS):
         bodies: dict[str, Body] = {}
@@ -137,7 +136,6 @@ def _draw_arms(task: Task) -> frozenset[frozenset[str]]:
 
 
 def can_do(task: Task, sides: Collection[str]) -> bool:
-    """Whether a robot with the arms of `sides` can be given the task."""
     return set(sides) >= set(SIDES) or any(asked <= set(sides) for asked in _draw_arms(task))
 
 

@@ -86,8 +86,7 @@ def _pour_costs(a: Actor, side: str, hold: Pose, bodies: Floats) -> Floats:
     frame.
 
     They count a stream near the hand, weight off the axis of the jaws, and an opening that does not
-    point down.
-    """
+    point down."""
     box = a.bodies[a.held[side]].instance.shape().aabb()
     down = quat_rotate(bodies[:, 3:] * [1, -1, -1, -1], [0, 0, -1.0])
     low = down * [1, 1, 0] / np.linalg.norm(down[:, :2], axis=1, keepdims=True)

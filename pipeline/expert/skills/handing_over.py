@@ -71,8 +71,7 @@ def _meeting_point(
     a: Actor, giver: str, receiver: str, places: np.ndarray, options: GraspOptions
 ) -> ArmTrajectory:
     """A free motion of the giver to where the receiver can take over. Raises PlanFailure:
-    pose_unreachable, handover_blocked.
-    """
+    pose_unreachable, handover_blocked."""
     arm, hands = a.arm_planner(giver), hand_poses(a, giver, places)
     q, ok = arm.solve(hands)
     if not ok.any():

@@ -36,8 +36,7 @@ def carry(a: Actor, side: str, bodies: ArrayLike, *, speed: float = 1.0) -> Step
 
 def reach(arm: ArmPlanner, poses: Floats, *, speed_scale: float = 1.0) -> ArmTrajectory:
     """A free motion to the first feasible pose. Raises PlanFailure: pose_unreachable,
-    path_blocked.
-    """
+    path_blocked."""
     q, ok = arm.solve(poses)
     if not ok.any():
         why = f"none of {len(poses)} poses is in reach of the {arm.side} arm"
@@ -81,8 +80,7 @@ def _lifts(
     arm: ArmPlanner, start: Pose, height: float, least: float = 0.0
 ) -> Iterator[tuple[Floats, float]]:
     """Straight ways up from `start`: joints (K,n) and share of the height, highest first. Raises
-    PlanFailure("line_unreachable").
-    """
+    PlanFailure("line_unreachable")."""
     found, apart = False, arm.apart()
     for share in (s for s in MOVE.lift_shares if s >= least):
         line = arm.line(arm.q, lifted(start, height * share))

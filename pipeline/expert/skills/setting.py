@@ -43,8 +43,7 @@ def _approaches(
     arm: ArmPlanner, down: Floats, back: Floats, above: float, press: float
 ) -> list[Approach]:
     """Straight approaches to the poses `down` (N,7), cheapest first. Both directions are searched:
-    an arm may hover in a posture from which it cannot come down.
-    """
+    an arm may hover in a posture from which it cannot come down."""
     found = list[Approach]()
     low, deep = arm.solve(down - press * back)
     for height in (above * share for share in PLACE.height_shares):

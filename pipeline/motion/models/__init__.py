@@ -62,8 +62,7 @@ def level_name(name: str, level: int) -> str:
 
 def motion_from_json(text: str) -> TargetMotion:
     """Inverse of `TargetMotion.to_json`. Raises ValueError, or UnknownMotion for a missing
-    model.
-    """
+    model."""
     values: Any = json.loads(text)
     if not isinstance(values, dict):
         raise ValueError("this is not a target motion: it is no JSON object")
@@ -93,8 +92,7 @@ def back_calculate_motion(
     asked: MotionRequest, streams: Streams, model: str = PLANAR
 ) -> TargetMotion:
     """A motion of `model` that keeps `asked`; level 0 and alpha 0 stand. Raises NoMotion,
-    UnknownName, ValueError for the level.
-    """
+    UnknownName, ValueError for the level."""
     if asked.level not in (levels := levels_of(model)):
         known = f"levels of {model} are {', '.join(map(str, levels))}"
         raise ValueError(f"level {asked.level!r} is unknown: {known}")
@@ -107,8 +105,7 @@ def back_calculate_motion(
 
 def _late(asked: MotionRequest, streams: Streams, model: str) -> TargetMotion:
     """The motion for the first feasible share of `asked.moving`. Raises the first try's
-    NoMotion.
-    """
+    NoMotion."""
     refused, kept = list[NoMotion](), replace(asked, candidates=1) if asked.level == 1 else asked
     for share in asked.moving:
         late = replace(kept, lead=share * asked.total - asked.duration)

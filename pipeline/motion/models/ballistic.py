@@ -26,8 +26,7 @@ class Ballistic(ClosedForm):
     """Carried along `heading` (rad) at a `pace` until `flight` s before the meeting; then free
     flight.
 
-    In flight the height is z(T) + w (t - T) - g (t - T)^2 / 2; at `floor` (m) it lies still.
-    """
+    In flight the height is z(T) + w (t - T) - g (t - T)^2 / 2; at `floor` (m) it lies still."""
 
     heading: float
     pace: Pace

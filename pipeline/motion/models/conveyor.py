@@ -47,14 +47,12 @@ class Conveyor(Along):
         return np.broadcast_to(np.concatenate([self._forward, np.zeros(3)]), (*np.shape(s), 6))
 
     def to_json(self) -> str:
-        """As of every closed form; a usual runout is left out."""
         values: dict[str, Any] = json.loads(super().to_json())
         if self.runout == RUNOUT:
             del values["runout"]
         return json.dumps(values, allow_nan=False)
 
     def scenery(self) -> tuple[Prop, ...]:
-        """The belt with its rails, and slats across it that move with the target."""
         ridden = self.pace.advance(np.linspace(-self.lead, self.duration, 200))
         first, last = float(ridden.min()), float(ridden.max())
         ends = (first - self.runout, last + self.runout)

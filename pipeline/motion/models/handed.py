@@ -84,8 +84,6 @@ class Handed(ClosedForm):
 
 
 class HandedModel(ClosedFormModel[Handed]):
-    """The way comes from one direction after another, the far side first."""
-
     levels = described(
         "one straight minimum-jerk motion",
         "one minimum-jerk motion on an arc",

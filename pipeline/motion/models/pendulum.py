@@ -26,8 +26,7 @@ class Pendulum(ClosedForm):
     (rad).
 
     A(t) = `amplitude` exp(`decay` (T - t)) (rad); before each of `knocks` A is `share` of its value
-    after. The pivot is `length` m above the end; the body's top `top` m above its origin.
-    """
+    after. The pivot is `length` m above the end; the body's top `top` m above its origin."""
 
     kind: ClassVar[str] = "pendulum"
     heading: float

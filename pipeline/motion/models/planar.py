@@ -41,8 +41,7 @@ REASONS = (
 
 def judge_shapes(paths: DrawnPaths, asked: MotionRequest) -> NDArray[np.object_]:
     """First reason (N,) against each path as the law draws it, "" for none. A straight path is
-    refused for the workspace only if no direction has room.
-    """
+    refused for the workspace only if no direction has room."""
     speeds = _speeds(paths, asked.total)
     speed = speeds.average if asked.speed_bound == "average" else speeds.maximum
     checks = {"miss": ~paths.missed, "speed": speed <= asked.alpha * (1 + SPEED_ROUNDING)}
@@ -123,8 +122,7 @@ def draw_motion(asked: MotionRequest, streams: Streams) -> PlanarMotion:
     """A motion (appendix D.3) of level 1, 2 or 3 that keeps `asked`, else NoMotion.
 
     The first shape that `judge_shapes` accepts is turned in 256 directions, and mirrored if curved.
-    One that fits in none is not replaced by a slower one, so that speeds follow the law.
-    """
+    One that fits in none is not replaced by a slower one, so that speeds follow the law."""
     end_pose = np.asarray(asked.end_pose, float)
     if not asked.workspace.contains(end_pose):
         raise NoMotion(asked, {"end_outside": 1})
@@ -202,8 +200,6 @@ def _motion(paths: DrawnPaths, i: int, still: PlanarMotion) -> PlanarMotion:
 
 
 class Planar:
-    """Section 2.3 and appendix D.3 of the paper."""
-
     name = "planar"
     version = 1
     levels = described("constant velocity", "polynomial", "two or three abrupt segments")

@@ -28,8 +28,7 @@ HIGH = 0.012  # m, half height of paddle and cushions
 
 class Sliding(NamedTuple):
     """A piece of a path from time `t` (s): place (m), angles (rad), speed, spin, and their decrease
-    by friction, negative in a push.
-    """
+    by friction, negative in a push."""
 
     t: float
     x: float
@@ -57,7 +56,6 @@ class Sliding(NamedTuple):
         )
 
     def later(self, t: float) -> "Sliding":
-        """The same slide from a later time on."""
         distance, speed, turned, spin = (float(value) for value in self.at(t))
         x = float(self.x + distance * np.cos(self.direction))
         y = float(self.y + distance * np.sin(self.direction))
@@ -67,8 +65,7 @@ class Sliding(NamedTuple):
         self, normal: float, restitution: float, friction: float, radius: float
     ) -> "Sliding":
         """After a cushion with `normal` (rad): `restitution` returns the velocity into it, and
-        Coulomb friction acts on the disc (moment of inertia m r^2 / 2).
-        """
+        Coulomb friction acts on the disc (moment of inertia m r^2 / 2)."""
         into = -self.speed * np.cos(self.direction - normal)
         along = self.speed * np.sin(self.direction - normal)
         slip = along - radius * self.spin
@@ -83,8 +80,7 @@ class Sliding(NamedTuple):
 @dataclass(frozen=True)
 class Pushed(ClosedForm):
     """Pieces of a slide in the world; the yaw is relative to the end pose's. `normals` (rad) are
-    those of the cushions struck, `radius` (m) the target's.
-    """
+    those of the cushions struck, `radius` (m) the target's."""
 
     kind: ClassVar[str] = "pushed"
     pieces: tuple[Sliding, ...]
@@ -118,7 +114,6 @@ class Pushed(ClosedForm):
         return np.array([p.t for p in self.pieces[len(self.pieces) - len(self.normals) :]])
 
     def scenery(self) -> tuple[Prop, ...]:
-        """The paddle, which stays where it ends its push, and the cushions."""
         first, ended, back = self.pieces[0], self.pieces[1].t, self.radius + 0.005
         blade = Piece("box", (0.005, self.radius, HIGH), pose((-back, 0, HIGH)), STEEL)
         handle = Piece("box", (0.04, 0.006, 0.006), pose((-back - 0.045, 0, 2 * HIGH)), STEEL)
@@ -161,8 +156,7 @@ def _simulated(
     asked: MotionRequest, rng: np.random.Generator
 ) -> tuple[list[Sliding], list[float], float]:
     """Slides, normals and restitution of a level, simulated at 1 m/s and then scaled: all laws are
-    linear in the speed.
-    """
+    linear in the speed."""
     total, kept = asked.lead + asked.duration, float(rng.uniform(*KEPT[max(asked.level, 1)]))
     pushed = PUSH * total
     restitution, friction = (float(rng.uniform(*r)) for r in (RESTITUTION, CUSHION_FRICTION))

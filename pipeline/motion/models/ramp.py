@@ -23,8 +23,7 @@ THIN = 0.002  # m, half thickness of the ramp
 @dataclass(frozen=True)
 class Ramp(Along):
     """The advance is arc length: straight down at `slope_angle` rad, a bend of radius 15 cm, then
-    level for the last `foot` m. The body tilts with its path.
-    """
+    level for the last `foot` m. The body tilts with its path."""
 
     kind: ClassVar[str] = "ramp"
     heading: float
@@ -61,7 +60,6 @@ class Ramp(Along):
         return np.concatenate([line, -(bending / FILLET)[..., None] * self._axis], -1)
 
     def scenery(self) -> tuple[Prop, ...]:
-        """The ramp: short boards along the bend, and a long one."""
         bend = FILLET * self.slope_angle
         cuts = [*np.linspace(self.foot, self.foot + bend, 5), self.foot + bend + self.length]
         turn = yawed((0, 0, 0), self.heading)[3:]

@@ -20,8 +20,7 @@ from . import register
 @dataclass(frozen=True)
 class Rolling(Along):
     """A roll without slipping along `heading` (rad), with the centre `radius` m above the end
-    pose's origin. Speeds are the centre's.
-    """
+    pose's origin. Speeds are the centre's."""
 
     kind: ClassVar[str] = "rolling"
     heading: float
@@ -85,8 +84,7 @@ BRICK, WHITE, RED = (0.55, 0.30, 0.24), (0.93, 0.93, 0.90), (0.80, 0.12, 0.12)
 @dataclass(frozen=True)
 class Rebound(Rolling):
     """A roll along `incoming` (rad) until `bounce` m before the end, then along `heading`. `wall`
-    is its middle (x, y; m) and normal (rad); the goal is `line` m beyond the end.
-    """
+    is its middle (x, y; m) and normal (rad); the goal is `line` m beyond the end."""
 
     kind: ClassVar[str] = "rebound"
     incoming: float
@@ -180,7 +178,6 @@ class ReboundModel(ClosedFormModel[Rebound]):
 
 
 def _slowed(asked: MotionRequest, rng: np.random.Generator) -> Pace:
-    """Two speeds, the second that after the rebound."""
     kept, share = float(rng.uniform(*SLOWED)), float(rng.uniform(0.4, 0.6))
     fast = asked.alpha * float(rng.uniform(SLOWEST, 1.0))
     if asked.speed_bound == "average":

@@ -100,8 +100,6 @@ class Twice(Along):
 
 
 class TwiceModel(ClosedFormModel[Twice]):
-    """At level 3 the second pass is FASTER by a fixed factor."""
-
     def candidates(self, asked: MotionRequest, streams: Streams) -> Iterator[Twice]:
         rng = streams.shape
         pace = _faster(asked, rng) if asked.level == 3 else draw_forward(asked, rng)

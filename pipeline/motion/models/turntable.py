@@ -53,7 +53,6 @@ class Turntable(Along):
         return twists(-rate * from_axis[..., 1], rate * from_axis[..., 0], spin=rate)
 
     def scenery(self) -> tuple[Prop, ...]:
-        """The disc, with spokes by which its turning is seen."""
         size = (0.45 * self.disc, 0.004, SHEET / 2 + 0.0004)
         thirds = (0.0, np.pi / 3, 2 * np.pi / 3)
         places = (pose((0, 0, SHEET / 2), quat_about(UP, angle)) for angle in thirds)
@@ -110,8 +109,6 @@ class Shuffle(Turntable):
 
 
 class ShuffleModel(ClosedFormModel[Shuffle]):
-    """As `turntable`, about the middle of what is carried."""
-
     def candidates(self, asked: MotionRequest, streams: Streams) -> Iterator[Shuffle]:
         covered = float(min(streams.shape.uniform(*COVERED), SOONEST * asked.duration))
         for turn in TurntableModel(Turntable).candidates(asked, streams):

@@ -59,8 +59,7 @@ def read_templates(task: str, module: str) -> tuple[tuple[str, ...], tuple[str, 
 @dataclass(frozen=True, eq=False)
 class Wording:
     """Templates of one scene, descriptions of `objects` and sides of `arms` by name; `choices` name
-    what is asked for.
-    """
+    what is asked for."""
 
     seen: Sequence[str]
     unseen: Sequence[str]
@@ -76,8 +75,7 @@ def instructions(
     """Draw `count` instructions for each of the splits "seen" and "unseen".
 
     No combination of template and descriptions repeats before all were used. Raises LanguageError
-    for an unknown slot or side, and if no template of a split is true.
-    """
+    for an unknown slot or side, and if no template of a split is true."""
     for role, side in wording.arms.items():
         if side not in SIDES:
             raise LanguageError(f"arm {role!r} is {side!r}: sides are left and right")
@@ -187,7 +185,6 @@ def _fillings(
 
 
 def crowded(text: str) -> bool:
-    """Whether a clause has two phrases "with ...", or one before "on it" or the like."""
     return any(_CROWDED.search(clause) for clause in CLAUSE.split(text))
 
 

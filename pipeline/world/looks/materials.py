@@ -2,8 +2,7 @@
 and stored parts.
 
 A colour is a name of `PALETTE` or an sRGB triple 0-1. Textures need a mesh with uvs in the unit
-square; their arrays are shared and read-only.
-"""
+square; their arrays are shared and read-only."""
 
 import hashlib
 from collections.abc import Callable
@@ -113,7 +112,6 @@ def rubber(color: Color = "charcoal") -> Material:
 
 
 def metal(color: Color = "silver", seed: int | None = None) -> Material:
-    """Bare metal; brushed where a seed is given."""
     return _textured("brushed", color, seed, roughness=0.35, metallic=0.85)
 
 
@@ -123,7 +121,6 @@ def wood(tone: Color = "oak", seed: int | None = None) -> Material:
 
 
 def fabric(color: Color, seed: int | None = None) -> Material:
-    """Cloth; woven where a seed is given."""
     return _textured("fabric", color, seed, roughness=0.95)
 
 
@@ -141,7 +138,6 @@ def worn(color: Color, seed: int, roughness: float = 0.45) -> Material:
 
 
 def printed(source: TextureSource, roughness: float = 0.45) -> Material:
-    """A printed label or box over the uv square."""
     image = texture_pixels(source)
     r, g, b = (image[..., :3].reshape(-1, 3).mean(0) / 255.0).tolist()
     return Material((r, g, b), roughness=roughness, texture=image, source=source)
@@ -158,7 +154,6 @@ def print_texture(
 
 
 def made_of(material: str, color: Color, seed: int | None = None) -> Material:
-    """A material by its word; with a seed wood is grained."""
     if material == "wood":
         return wood(color, seed)
     skins = {"painted": painted, "plastic": plastic, "rubber": rubber, "ceramic": glaze}

@@ -149,7 +149,6 @@ def _panel(canvas: Field, ink: Field, text: str, rng: Generator) -> None:
 
 
 def _pressed(canvas: Field, ink: Field, text: str, rng: Generator) -> None:
-    """Pressed words and oval: dark above, light below."""
     n, ground = len(canvas), canvas[0, 0].copy()
     for shift, tone in ((n // 90 + 1, np.minimum(ground * 1.15 + 0.04, 1)), (0, ink)):
         stamped = np.zeros((n, n), np.float32)

@@ -31,7 +31,6 @@ def toned(colour: Colour, tone: Field) -> Field:
 
 
 def wicker(rng: Generator, size: int, colour: Colour) -> Field:
-    """Plain weave of round strands."""
     u = (np.arange(size, dtype=np.float32) + 0.5) * (STRANDS / size)
     k, within = np.floor(u).astype(int), u % 1
     tones = rng.uniform(0.80, 1.12, (2, STRANDS)).astype(np.float32)
@@ -46,7 +45,6 @@ def wicker(rng: Generator, size: int, colour: Colour) -> Field:
 
 
 def cord(rng: Generator, size: int, colour: Colour) -> Field:
-    """A strip wound round a tube: slanted, shaded turns."""
     u = (np.arange(size, dtype=np.float32) + 0.5) / size
     turn = u[:, None] * 4 + u[None]
     tones = rng.uniform(0.86, 1.08, 4).astype(np.float32)[np.floor(turn).astype(int) % 4]
@@ -56,7 +54,6 @@ def cord(rng: Generator, size: int, colour: Colour) -> Field:
 
 
 def crust(rng: Generator, size: int, colour: Colour) -> Field:
-    """Baked dough: patches, pores, cracks, flour."""
     blotches, fine = fractal(rng, size, (3, 3), 4), fractal(rng, size, (20, 20), 3)
     dark = colour * np.array([0.62, 0.52, 0.44], np.float32)
     skin = mix(np.minimum(colour * 1.14 + 0.02, 1), dark, blotches)
@@ -68,7 +65,6 @@ def crust(rng: Generator, size: int, colour: Colour) -> Field:
 
 
 def turned(rng: Generator, size: int, colour: Colour) -> Field:
-    """Pressed sheet metal, v along its profile: fine rings, grooves."""
     v = np.linspace(0, 1, size, dtype=np.float32)[:, None]
     rings = value_noise(rng, size, (size // 2, 2)) * 0.14 + value_noise(rng, size, (9, 1)) * 0.10
     grooves = sum(np.exp(-(((v - at) * 70) ** 2)) for at in (0.06, 0.17, 0.24))
@@ -93,7 +89,6 @@ def shell(rng: Generator, size: int, colour: Colour) -> Field:
 
 
 def runner(rng: Generator, size: int, colour: Colour) -> Field:
-    """A woven mat: ribs, bands, waves, cup marks."""
     at = (np.arange(size, dtype=np.float32) + 0.5) / size
     ribs = 0.90 + 0.12 * (np.arange(size) // 2 % 2) * value_noise(rng, size, (size // 2, 12))
     yarn = value_noise(rng, size, (size // 2, 5)) + value_noise(rng, size, (9, size // 2)) - 1

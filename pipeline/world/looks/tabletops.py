@@ -35,7 +35,6 @@ def grain(rng: Generator, size: int) -> Field:
 
 
 def staves(rng: Generator, size: int, colour: ArrayLike) -> Rgba:
-    """Glued board: eight staves along x with thin joints."""
     rows, field = 8, grain(rng, size)
     width = size // rows
     board = np.empty((size, size, 3), np.float32)
@@ -49,7 +48,6 @@ def staves(rng: Generator, size: int, colour: ArrayLike) -> Rgba:
 
 
 def veneer(rng: Generator, size: int, colour: ArrayLike) -> Rgba:
-    """One sheet of wood along x."""
     slow = value_noise(rng, size, (4, 2))[..., None]
     return rgba(_wood(colour, grain(rng, size)) * (0.95 + 0.08 * slow))
 
@@ -60,7 +58,6 @@ def _wood(colour: ArrayLike, t: Field) -> Field:
 
 
 def laminate(rng: Generator, size: int, colour: ArrayLike) -> Rgba:
-    """One colour with fine specks of two tones."""
     specks = fine_noise(rng, size, 1)
     t = 0.25 * np.clip((specks - 0.80) * 5, 0, 1) - 0.14 * np.clip((0.2 - specks) * 5, 0, 1)
     cloud = 0.03 * (fractal(rng, size, (3, 3), 3) - 0.5)
@@ -68,7 +65,6 @@ def laminate(rng: Generator, size: int, colour: ArrayLike) -> Rgba:
 
 
 def steel(rng: Generator, size: int, colour: ArrayLike) -> Rgba:
-    """Brushed sheet: streaks of one texel along x, scratches."""
     streaks = 0.6 * value_noise(rng, size, (size, 4))
     streaks = streaks + 0.4 * value_noise(rng, size, (size // 2, 12))
     sheet = np.ascontiguousarray(mix(shade(colour, 1.04), shade(colour, 0.90), streaks), np.float32)
@@ -81,7 +77,6 @@ def steel(rng: Generator, size: int, colour: ArrayLike) -> Rgba:
 
 
 def linen(rng: Generator, size: int, colour: ArrayLike) -> Rgba:
-    """Threads of four texels, uneven yarn, soft creases."""
     threads = size // 4
     u = np.arange(size, dtype=np.float32) / 4
     height = weave(u, np.sin(np.pi * (u % 1)))
@@ -101,7 +96,6 @@ def _folds(rng: Generator, size: int) -> Field:
 
 
 def gingham(rng: Generator, size: int, colour: ArrayLike) -> Rgba:
-    """Woven squares of two tones, with folds."""
     own = np.asarray(colour, np.float32)
     bands = (np.arange(size) * int(rng.choice([16, 24, 32])) // size % 2).astype(np.float32)
     k = np.arange(size)
@@ -111,7 +105,6 @@ def gingham(rng: Generator, size: int, colour: ArrayLike) -> Rgba:
 
 
 def felt(rng: Generator, size: int, colour: ArrayLike) -> Rgba:
-    """Pressed wool: short fibres, brushed patches, pills."""
     along, across = (value_noise(rng, size, c) for c in ((size // 6, size), (size, size // 6)))
     fibres, pills = along + across - 1, np.clip(fine_noise(rng, size, 4) - 0.8, 0, 1)
     tone = 0.86 + 0.22 * fibres + 0.16 * fractal(rng, size, (4, 4), 4) + 0.5 * pills
@@ -137,7 +130,6 @@ def fine_terrazzo(rng: Generator, size: int, colour: ArrayLike) -> Rgba:
 
 
 def granite(rng: Generator, size: int, colour: ArrayLike) -> Rgba:
-    """Crystals of three tones, 1 to 4 mm."""
     own = np.asarray(colour, np.float32)
     crystals, fine = fine_noise(rng, size, 3), fine_noise(rng, size, 1)
     t = 0.7 * crystals + 0.3 * fine + 0.25 * (fractal(rng, size, (4, 4), 3) - 0.5)
@@ -146,7 +138,6 @@ def granite(rng: Generator, size: int, colour: ArrayLike) -> Rgba:
 
 
 def concrete(rng: Generator, size: int, colour: ArrayLike) -> Rgba:
-    """Clouds, fine sand, a few pinholes."""
     clouds, sand = fractal(rng, size, (3, 3), 4), fine_noise(rng, size, 1)
     slab = np.asarray(colour, np.float32) * (0.90 + 0.13 * clouds + 0.05 * (sand - 0.5))[..., None]
     slab = np.ascontiguousarray(slab, np.float32)
@@ -157,7 +148,6 @@ def concrete(rng: Generator, size: int, colour: ArrayLike) -> Rgba:
 
 
 def cutting_mat(rng: Generator, size: int, colour: ArrayLike) -> Rgba:
-    """Thin lines, every fifth stronger, and wear."""
     wear = fractal(rng, size, (4, 4), 4)
     mat = np.asarray(colour, np.float32) * (0.90 + 0.16 * wear)[..., None]
     line = np.asarray(colour, np.float32) * 0.5 + 0.5

@@ -14,7 +14,6 @@ Field = NDArray[np.floating]
 
 
 def by_name[**P, R](*functions: Callable[P, R]) -> dict[str, Callable[P, R]]:
-    """Functions by their names, with spaces."""
     return {each.__name__.strip("_").replace("_", " "): each for each in functions}
 
 
@@ -68,12 +67,10 @@ def rgba(colour: Field) -> Rgba:
 
 
 def shade(colour: ArrayLike, factor: float) -> NDArray[np.float64]:
-    """Scale a colour (3,) by `factor` and keep it inside 0-1."""
     return np.clip(np.asarray(colour, float) * factor, 0.0, 1.0)
 
 
 def wood(rng: Generator, size: int, colour: ArrayLike) -> Rgba:
-    """Straight grain along x: growth rings, fibres, tone changes."""
     v = np.linspace(0, 1, size, endpoint=False, dtype=np.float32)[:, None]
     warp = fractal(rng, size, (3, 1), 3)
     rings = np.float32(rng.integers(5, 10))
@@ -84,7 +81,6 @@ def wood(rng: Generator, size: int, colour: ArrayLike) -> Rgba:
 
 
 def planks(rng: Generator, size: int, colour: ArrayLike) -> Rgba:
-    """Four boards along x with dark joints."""
     board = wood(rng, size, colour)[..., :3].astype(np.float32) / 255
     n, width = 4, size // 4
     out = np.empty_like(board)
@@ -97,7 +93,6 @@ def planks(rng: Generator, size: int, colour: ArrayLike) -> Rgba:
 
 
 def marble(rng: Generator, size: int, colour: ArrayLike) -> Rgba:
-    """Thin dark ridges of a warped noise on a light ground."""
     body = fractal(rng, size, (3, 3), 4)
     vein = 1 - np.abs(2 * fractal(rng, size, (2, 3), 5) - 1)
     t = np.clip(vein**14 * 0.8 + 0.22 * body, 0, 1)
@@ -105,7 +100,6 @@ def marble(rng: Generator, size: int, colour: ArrayLike) -> Rgba:
 
 
 def stone(rng: Generator, size: int, colour: ArrayLike) -> Rgba:
-    """Granite-like: clouds plus fine speckle."""
     clouds = fractal(rng, size, (4, 4), 4)
     t = 0.5 * clouds + 0.5 * fine_noise(rng, size, 2)
     return rgba(mix(shade(colour, 1.12), shade(colour, 0.62), t))
@@ -118,7 +112,6 @@ def weave(u: Field, ridge: Field) -> Field:
 
 
 def fabric(rng: Generator, size: int, colour: ArrayLike) -> Rgba:
-    """Plain weave with uneven yarn."""
     threads = int(rng.choice([16, 24, 32]))
     u = np.arange(size, dtype=np.float32) * (threads / size)
     ridge = np.sin(np.pi * (u % 1)) ** 0.7
@@ -151,12 +144,10 @@ def draw_chip(rng: Generator, radius: float, corners: int, longest: float) -> Fi
 
 
 def bricks(rng: Generator, size: int, colour: ArrayLike) -> Rgba:
-    """Running bond with light mortar."""
     return _courses(rng, size, colour, 8, 0.06, (0.78, 0.76, 0.72))
 
 
 def tiles(rng: Generator, size: int, colour: ArrayLike) -> Rgba:
-    """Square ceramic tiles with pale joints."""
     return _courses(rng, size, colour, 4, 0.03, (0.86, 0.86, 0.84))
 
 
@@ -181,13 +172,11 @@ def _courses(
 
 
 def paint(rng: Generator, size: int, colour: ArrayLike) -> Rgba:
-    """Faint clouds and stipple."""
     t = 0.6 * fractal(rng, size, (3, 3), 3) + 0.4 * fine_noise(rng, size, 3)
     return rgba(mix(shade(colour, 1.05), shade(colour, 0.92), t))
 
 
 def checker(rng: Generator, size: int, colour: ArrayLike) -> Rgba:
-    """Two-tone squares."""
     n = int(rng.choice([4, 6, 8]))
     k = np.arange(size) * n // size
     t = chequered(k).astype(np.float32)
@@ -197,13 +186,11 @@ def checker(rng: Generator, size: int, colour: ArrayLike) -> Rgba:
 
 
 def brushed(rng: Generator, size: int, colour: ArrayLike) -> Rgba:
-    """Brushed metal: fine streaks along x."""
     t = 0.7 * value_noise(rng, size, (size, 3)) + 0.3 * value_noise(rng, size, (size, 12))
     return rgba(mix(shade(colour, 1.1), shade(colour, 0.78), t))
 
 
 def stripes(rng: Generator, size: int, colour: ArrayLike) -> Rgba:
-    """Bands of two tones and a thin third."""
     n = int(rng.choice([4, 6, 8, 10]))
     u = (np.arange(size, dtype=np.float32) * (n / size)) % 1
     t = np.where(u < 0.5, 0.0, np.where(u < 0.9, 1.0, 0.4)).astype(np.float32)
@@ -211,12 +198,10 @@ def stripes(rng: Generator, size: int, colour: ArrayLike) -> Rgba:
 
 
 def noise(rng: Generator, size: int, colour: ArrayLike) -> Rgba:
-    """Coloured clouds between the colour and a random one."""
     return rgba(mix(colour, rng.uniform(0, 1, 3), fractal(rng, size, (4, 4), 5)))
 
 
 def plain(rng: Generator, size: int, colour: ArrayLike) -> Rgba:
-    """One colour with a trace of grain."""
     return rgba(mix(shade(colour, 1.02), shade(colour, 0.98), fine_noise(rng, size, 2)))
 
 

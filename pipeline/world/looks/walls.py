@@ -41,7 +41,6 @@ class Wall:
         area *= 1 - np.linspace(0, share, len(area), dtype=np.float32)[:, None, None]
 
     def shelf(self, left: float, low: float, width: float, sizes: Span, heights: Span) -> None:
-        """A `row` on a board with a shadow."""
         self.shadow(left, low - 0.16, width, 0.16)
         self.block(left, low - 0.03, width, 0.03, OAK)
         self.row(left, low, width, sizes, heights)
@@ -75,7 +74,6 @@ class Wall:
         self.block(0, height, SPAN, 0.04, OAK, 0.1)
 
     def window(self, left: float, low: float, width: float, height: float) -> None:
-        """Bright panes in a white frame."""
         self.block(left - 0.05, low - 0.05, width + 0.1, height + 0.1, (0.93, 0.93, 0.92), 0.05)
         for k in range(2):
             self.block(left + k * (width / 2 + 0.015), low, width / 2 - 0.03, height, GLASS, 0.10)
@@ -83,7 +81,6 @@ class Wall:
         self.shadow(left - 0.08, low - 0.16, width + 0.16, 0.07)
 
     def _area(self, left: float, low: float, width: float, height: float) -> NDArray[np.float32]:
-        """The texels of a rectangle (m)."""
         sides = np.clip((left, left + width, low, low + height), 0, SPAN).tolist()
         x0, x1, y0, y1 = (round(v * len(self.canvas) / SPAN) for v in sides)
         return self.canvas[y0:y1, x0:x1]
@@ -112,7 +109,6 @@ def distant(pattern: str) -> Callable[[Generator, int, ArrayLike], Rgba]:
 
 
 def workshop(rng: Generator, size: int, colour: ArrayLike) -> Rgba:
-    """Perforated board with tools, shelf of boxes, window."""
     wall = _plaster(rng, size, colour)
     wall.cupboards(0.62, 0.5, MUTED[rng.integers(len(MUTED))], 3)
     wall.row(0.1, 0.66, 2.8, (0.10, 0.30), (0.06, 0.14))
@@ -138,7 +134,6 @@ def workshop(rng: Generator, size: int, colour: ArrayLike) -> Rgba:
 
 
 def kitchen(rng: Generator, size: int, colour: ArrayLike) -> Rgba:
-    """Tiles up to 1.5 m, rail, shelf of jars, cupboards."""
     wall = _plaster(rng, size, colour)
     width, height = (0.15, 0.075) if rng.random() < 0.5 else (0.1, 0.1)
     for j in range(int(1.5 / height)):
@@ -159,7 +154,6 @@ def kitchen(rng: Generator, size: int, colour: ArrayLike) -> Rgba:
 
 
 def laboratory(rng: Generator, size: int, colour: ArrayLike) -> Rgba:
-    """Sockets, whiteboard, steel rack of instruments."""
     wall = _plaster(rng, size, colour)
     wall.shadow(0, 0.80, SPAN, 0.06)
     wall.block(0, 0.86, SPAN, 0.12, (0.88, 0.88, 0.87), 0.12)
@@ -180,7 +174,6 @@ def laboratory(rng: Generator, size: int, colour: ArrayLike) -> Rgba:
 
 
 def office(rng: Generator, size: int, colour: ArrayLike) -> Rgba:
-    """Two shelves of books, a picture, a window."""
     wall = _plaster(rng, size, colour)
     left = 1.3 * rng.random()
     for low in (1.0, 1.4):

@@ -121,8 +121,7 @@ class Folders:
         """The file that a URDF names, and the folder that bounds it. Raises MeshError.
 
         `package://NAME/FILE`: NAME is the user's directory for it, a folder above the URDF of that
-        name or package.xml, or a folder NAME beside one.
-        """
+        name or package.xml, or a folder NAME beside one."""
         scheme, _, rest = name.rpartition("://")
         if scheme not in SCHEMES:
             return find_file(name, self.urdf.parent, self.root), self.root

@@ -75,7 +75,6 @@ class _Document:
         return read_bytes(find_file(name, self.file.parent, self.within))
 
     def _view(self, number: int) -> tuple[bytes, int]:
-        """A buffer view's bytes and stride."""
         view = self.document["bufferViews"][number]
         _refuse_packed(view.get("extensions", {}))
         which, start, length = view["buffer"], view.get("byteOffset", 0), view["byteLength"]

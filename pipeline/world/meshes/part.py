@@ -55,7 +55,6 @@ class MeshFile(NamedTuple):
 
 
 def joined(parts: Iterable[Part]) -> tuple[Part, ...]:
-    """Parts of one look joined, in order."""
     groups: dict[tuple[Color | None, int, bool], list[Part]] = {}
     for part in parts:
         key = part.look.color, id(part.look.texture), part.uv is None

@@ -44,12 +44,10 @@ def push_button(radius: float, lower: float, upper: float) -> Colliders:
 
 
 def slab(hx: float, hy: float, height: float) -> Colliders:
-    """A box of half extents that stands at z = 0."""
     return box_collider(hx, hy, height / 2, (0, 0, height / 2))
 
 
 def disc(radius: float, thickness: float, z: float = 0.0) -> Colliders:
-    """A round plate whose underside is at height `z`."""
     return cylinder_collider(radius, z, z + thickness)
 
 
@@ -64,13 +62,11 @@ def capsule_between(a: ArrayLike, b: ArrayLike, radius: float) -> Colliders:
 
 
 def arc_of_capsules(path: ArrayLike, radius: float) -> Colliders:
-    """Capsules along a polyline (N,3)."""
     path = np.asarray(path, float)
     return tuple(c for a, b in pairwise(path) for c in capsule_between(a, b, radius))
 
 
 def convex_collider(points: ArrayLike) -> Colliders:
-    """The convex hull of `points` (N,3)."""
     return (Collider("convex", (), vertices=np.asarray(points, float)),)
 
 
@@ -108,12 +104,10 @@ def ring_of_boxes(
 
 
 def vessel(foot: float, wall: float, height: float, n: int, rim: float | None = None) -> Colliders:
-    """A round hollow thing standing at z = 0."""
     return disc(foot, wall) + ring_of_boxes(foot, wall, height, n, top=rim)
 
 
 def tray(hx: float, hy: float, wall: float, height: float) -> Colliders:
-    """An open box (outer half extents) standing at z = 0."""
     h, w = height / 2, wall / 2
     return (
         *slab(hx, hy, wall),

@@ -51,7 +51,6 @@ def _quad_uvs(u0: NDArray, u1: NDArray, v0: NDArray, v1: NDArray) -> list[Floats
 
 
 def tapered(foot: float, rim: float, height: float, wall: float, sides: int) -> tuple[Mesh, Mesh]:
-    """Outside, rim and inside of a hollow cone."""
     edge = (rim - wall, height)
     outside = revolve([(0, 0), (foot, 0), (rim, height), edge], sides)
     return outside, revolve([edge, (foot - wall, wall), (0, wall)], sides)
@@ -139,7 +138,6 @@ def sphere(radius: float, rings: int = 8, sides: int = 16) -> Mesh:
 
 @deferred
 def capsule(radius: float, half: float, rings: int = 6, sides: int = 12) -> Mesh:
-    """Cylinder of half length `half` along z with round ends."""
     angle = np.linspace(-np.pi / 2, np.pi / 2, rings + 1)
     z = radius * np.sin(angle) + half * np.sign(np.round(angle, 9))
     profile = np.column_stack([radius * np.cos(angle), z])
@@ -247,7 +245,6 @@ def rounded_rectangle(hx: float, hy: float, radius: float, n: int = 4) -> Floats
 
 
 def ellipse(a: float, b: float, n: int = 24) -> Floats:
-    """Counter-clockwise outline (n,2) with half axes a and b."""
     angle = 2 * np.pi * np.arange(n) / n
     return np.column_stack([a * np.cos(angle), b * np.sin(angle)])
 
@@ -270,5 +267,4 @@ def stacked(outline: ArrayLike, levels: ArrayLike) -> Floats:
 
 @deferred
 def stack(outline: ArrayLike, levels: ArrayLike, crease: float = 50.0) -> Mesh:
-    """Closed body of `stacked` rings, upwards."""
     return loft(stacked(outline, levels), crease=crease)

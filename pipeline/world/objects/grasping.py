@@ -143,8 +143,7 @@ def box_pinches(
     """Box pinches from above, tilted to both sides; without `centre` it stands on the table.
 
     Dimensions in `axes` of at most WIDEST are pinched at `offsets` times the other half extent.
-    `heights` are above the box's base; `retreats` (m) keep the tcp short of the middle.
-    """
+    `heights` are above the box's base; `retreats` (m) keep the tcp short of the middle."""
     half = np.array([hx, hy, hz])
     base = np.array([0, 0, 0]) if centre is None else np.asarray(centre, float) - [0, 0, hz]
     grasps: Grasps = ()

@@ -104,7 +104,6 @@ class Embodiment:
 
     @property
     def vector_names(self) -> tuple[str, ...]:
-        """State and action names: joints and gripper of each arm."""
         joints = {side: (*arm.arm_joints, "gripper") for side, arm in self.arms.items()}
         return tuple(f"{side}_{name}" for side, names in joints.items() for name in names)
 
@@ -168,7 +167,6 @@ def arm_poses(arm: Arm, q: ArrayLike, gripper: float = 1.0) -> dict[str, Pose]:
 
 
 def root_link(arm: Arm) -> str:
-    """The link that no joint moves."""
     return _roots(arm)[0]
 
 

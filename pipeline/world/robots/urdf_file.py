@@ -79,7 +79,6 @@ class UrdfRobot:
     mimics: dict[str, Mimic]
 
     def fault(self, what: str) -> UrdfError:
-        """An error that names the file."""
         return UrdfError(f"{self.path}: {what}")
 
     def roots(self) -> list[str]:

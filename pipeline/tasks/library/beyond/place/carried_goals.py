@@ -1,4 +1,4 @@
-from pipeline.tasks.contract import Bodies, Draw, register
+from pipeline.tasks.contract import ANY_YAW, Bodies, Draw, register
 from pipeline.tasks.library.domino.set_down.place_container_plate import PlaceContainerPlate
 from pipeline.tasks.library.domino.set_down.place_empty_cup import PlaceEmptyCup
 
@@ -18,7 +18,7 @@ class PlaceCupTurntable(PlaceEmptyCup):
 
     def layout(self, draw: Draw) -> Bodies:
         side = draw.side()
-        yield draw.place("cup", x=(side * 0.26, side * 0.32), y=(-0.20, 0.05), yaw=(-3.14, 3.14))
+        yield draw.place("cup", x=(side * 0.26, side * 0.32), y=(-0.20, 0.05), yaw=ANY_YAW)
         yield draw.place(
             "coaster", x=(side * 0.02, side * 0.10), y=(-0.20, 0.05), distances={"cup": 0.16}
         )

@@ -3,7 +3,17 @@ import numpy as np
 from pipeline.expert.actor import Actor, Skills
 from pipeline.expert.skills import ROUND, grasp, in_turn, lift, pause, pour, upright_goal
 from pipeline.poses import Floats, compose, inverse, pose, quat_about, quat_multiply, transform
-from pipeline.tasks.contract import Bodies, Draw, Limit, Placement, Region, Task, by_name, register
+from pipeline.tasks.contract import (
+    ANY_YAW,
+    Bodies,
+    Draw,
+    Limit,
+    Placement,
+    Region,
+    Task,
+    by_name,
+    register,
+)
 from pipeline.tasks.outcome import Outcome
 
 BALLS = ((0.011, 0.0), (-0.011, 0.0))  # where the balls lie in the cup, x and y in its frame (m)
@@ -30,7 +40,7 @@ class PourSwayingPot(Task):
         yield Placement(
             "cup",
             draw.one_of("cup"),
-            Region(x=(side * 0.24, side * 0.30), y=(-0.20, 0.0), yaw=(-3.14, 3.14)),
+            Region(x=(side * 0.24, side * 0.30), y=(-0.20, 0.0), yaw=ANY_YAW),
         )
         for i, (x, y) in enumerate(BALLS):
             yield Placement(
@@ -39,7 +49,7 @@ class PourSwayingPot(Task):
                 Region(x=(x, x), y=(y, y), z=0.004),
                 inside="cup",
             )
-        pot = Region(x=(side * 0.02, side * 0.10), y=(-0.18, 0.0), yaw=(-3.14, 3.14))
+        pot = Region(x=(side * 0.02, side * 0.10), y=(-0.18, 0.0), yaw=ANY_YAW)
         yield Placement("pot", draw.one_of("pot"), pot, distances={"cup": 0.18})
 
     def meet(self, a: Actor) -> Skills:

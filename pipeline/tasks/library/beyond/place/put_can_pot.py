@@ -13,7 +13,7 @@ from pipeline.expert.skills import (
     resting_poses,
     track,
 )
-from pipeline.tasks.contract import Bodies, Draw, Limit, Task, by_name, register
+from pipeline.tasks.contract import ANY_YAW, Bodies, Draw, Limit, Task, by_name, register
 from pipeline.tasks.outcome import Outcome, within
 
 
@@ -34,7 +34,7 @@ class PutCanPot(Task):
             "pot",
             x=(side * 0.02, side * 0.10),
             y=(-0.18, 0.0),
-            yaw=(-3.14, 3.14),
+            yaw=ANY_YAW,
             distances={"can": 0.18},
         )
 
@@ -77,7 +77,7 @@ class DropBallSwayingBowl(PutCanPot):
             "bowl",
             x=(side * 0.02, side * 0.12),
             y=(-0.18, 0.0),
-            yaw=(-3.14, 3.14),
+            yaw=ANY_YAW,
             distances={"ball": 0.16},
         )
 

@@ -6,7 +6,16 @@ from pipeline.expert.scripts import let_go
 from pipeline.expert.skills import ROUND, grasp, resting_poses, shift
 from pipeline.motion.workspace import Workspace
 from pipeline.poses import Pose
-from pipeline.tasks.contract import Bodies, Draw, Limit, Placement, Region, by_name, register
+from pipeline.tasks.contract import (
+    ANY_YAW,
+    Bodies,
+    Draw,
+    Limit,
+    Placement,
+    Region,
+    by_name,
+    register,
+)
 from pipeline.tasks.library.beyond.take.pick_from_belt import PickFromBelt
 from pipeline.tasks.outcome import Outcome, within
 from pipeline.world.physics.body import TABLE_TOP
@@ -49,8 +58,7 @@ class StandOn(PickFromBelt):
             "centred": within(d[:2], limit["plane"]),
             "at_height": within(d[2], limit["height"]),
             "upright": o.upright(self.target, limit["tilt"]),
-            **o.resting(self.target, self.support),
-            "grippers_open": o.grippers_open(),
+            **o.set_down(self.target, self.support),
         }
 
 
@@ -70,7 +78,7 @@ class StandHandedObject(StandOn):
             "pill_bottle",
             x=(side * 0.05, side * 0.18),
             y=(-0.15, 0.0),
-            yaw=(-3.14, 3.14),
+            yaw=ANY_YAW,
             z=z,
             borne=True,
         )
@@ -89,12 +97,7 @@ class StandHangingMug(StandOn):
     def layout(self, draw: Draw) -> Bodies:
         side, z = draw.side(), TABLE_TOP + draw.uniform(0.06, 0.12)
         yield draw.place(
-            "mug",
-            x=(side * 0.05, side * 0.15),
-            y=(-0.15, -0.05),
-            yaw=(-3.14, 3.14),
-            z=z,
-            borne=True,
+            "mug", x=(side * 0.05, side * 0.15), y=(-0.15, -0.05), yaw=ANY_YAW, z=z, borne=True
         )
         yield draw.place(
             "coaster", x=(side * 0.24, side * 0.30), y=(-0.20, 0.0), distances={"mug": 0.14}

@@ -3,7 +3,17 @@ from typing import cast
 from pipeline.expert.actor import Actor, Skills
 from pipeline.expert.skills import grasp, lift
 from pipeline.motion.workspace import Workspace
-from pipeline.tasks.contract import Bodies, Draw, Limit, Placement, Region, Task, by_name, register
+from pipeline.tasks.contract import (
+    ANY_YAW,
+    Bodies,
+    Draw,
+    Limit,
+    Placement,
+    Region,
+    Task,
+    by_name,
+    register,
+)
 from pipeline.tasks.outcome import Outcome
 from pipeline.world.objects.families.toys.toy_car import PlayBall
 from pipeline.world.physics.body import TABLE_TOP
@@ -27,7 +37,7 @@ class PickFromBelt(Task):
             "pill_bottle",
             x=(-0.22, 0.22),
             y=(-0.20, 0.0),
-            yaw=(-3.14, 3.14),
+            yaw=ANY_YAW,
             away_from_centre=0.03,
         )
 
@@ -69,12 +79,7 @@ class StopRollingBall(PickFromBelt):
 
     def layout(self, draw: Draw) -> Bodies:
         yield draw.place(
-            "ball",
-            "play_ball",
-            x=(-0.25, 0.25),
-            y=(-0.20, 0.0),
-            yaw=(-3.14, 3.14),
-            away_from_centre=0.03,
+            "ball", "play_ball", x=(-0.25, 0.25), y=(-0.20, 0.0), yaw=ANY_YAW, away_from_centre=0.03
         )
 
 
@@ -94,7 +99,7 @@ class TakeHandedObject(PickFromBelt):
             "pill_bottle",
             x=(-0.25, 0.25),
             y=(-0.18, 0.0),
-            yaw=(-3.14, 3.14),
+            yaw=ANY_YAW,
             away_from_centre=0.05,
             z=z,
             borne=True,
@@ -115,7 +120,7 @@ class CatchTossedBall(PickFromBelt):
             "play_ball",
             x=(-0.25, 0.25),
             y=(-0.20, -0.05),
-            yaw=(-3.14, 3.14),
+            yaw=ANY_YAW,
             away_from_centre=0.05,
             z=z,
         )
@@ -134,11 +139,11 @@ class StopOneOfTwoBalls(PickFromBelt):
         other = cast(PlayBall, draw.one_of("play_ball"))
         while other.colour == ball.colour:
             other = cast(PlayBall, draw.one_of("play_ball"))
-        near = Region(x=(side * 0.05, side * 0.25), y=(-0.20, 0.0), yaw=(-3.14, 3.14))
+        near = Region(x=(side * 0.05, side * 0.25), y=(-0.20, 0.0), yaw=ANY_YAW)
         yield Placement("ball", ball, near)
         yield Placement(
             "other",
             other,
-            Region(x=(-0.25, 0.25), y=(-0.20, 0.10), yaw=(-3.14, 3.14)),
+            Region(x=(-0.25, 0.25), y=(-0.20, 0.10), yaw=ANY_YAW),
             distances={"ball": 0.14},
         )

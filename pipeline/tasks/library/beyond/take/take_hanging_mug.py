@@ -1,7 +1,7 @@
 from pipeline.expert.actor import Actor, Skills
 from pipeline.expert.skills import grasp, shift
 from pipeline.motion.workspace import Workspace
-from pipeline.tasks.contract import Bodies, Draw, Limit, Task, by_name, register
+from pipeline.tasks.contract import ANY_YAW, Bodies, Draw, Limit, Task, by_name, register
 from pipeline.tasks.outcome import Outcome
 from pipeline.world.physics.body import TABLE_TOP
 
@@ -22,7 +22,7 @@ class TakeHangingMug(Task):
             "mug",
             x=(-0.25, 0.25),
             y=(-0.20, -0.05),
-            yaw=(-3.14, 3.14),
+            yaw=ANY_YAW,
             away_from_centre=0.05,
             z=z,
             borne=True,

@@ -6,6 +6,7 @@ from pipeline.expert.actor import Actor, Skills
 from pipeline.expert.skills import grasp, hand_over, lift, open_, retreat
 from pipeline.poses import yawed
 from pipeline.tasks.contract import (
+    ANY_YAW,
     Bodies,
     Draw,
     Limit,
@@ -35,7 +36,7 @@ class HandoverMic(Task):
 
     def layout(self, draw: Draw) -> Bodies:
         yield draw.place(
-            "microphone", x=(-0.30, 0.30), y=(-0.15, 0.05), yaw=(-3.14, 3.14), away_from_centre=0.20
+            "microphone", x=(-0.30, 0.30), y=(-0.15, 0.05), yaw=ANY_YAW, away_from_centre=0.20
         )
 
     def arms(self, bodies: dict[str, Body]) -> dict[str, str]:

@@ -77,7 +77,6 @@ class HangingMug(Task):
         return tuple(np.pi + off for off in (0.0, 0.3, -0.3, 0.6, -0.6, 0.9, -0.9))
 
     def _peg(self, a: Actor) -> np.ndarray:
-        """Unit vector (3,) out along the peg."""
         return quat_rotate(a.frame("rack", "peg")[3:], np.array([0.0, 0.0, 1.0]))
 
     def _on_the_peg(self, a: Actor) -> np.ndarray:

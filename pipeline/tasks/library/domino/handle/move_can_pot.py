@@ -61,6 +61,5 @@ class MoveCanPot(Task):
             "in_line": within(dy, limit["across"]),
             "upright": o.upright("can", limit["tilt"]),
             "at_height": bool(o.pose("can")[2] - o.pose("pot", 0)[2] < limit["height"]),
-            **o.resting("can", "table"),
-            "grippers_open": o.grippers_open(),
+            **o.set_down("can", "table"),
         }

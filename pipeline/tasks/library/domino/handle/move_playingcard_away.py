@@ -3,7 +3,7 @@ from pipeline.expert.scripts import let_go
 from pipeline.expert.skills import ROUND, grasp, lift, place, resting_poses, upright_goal
 from pipeline.motion.workspace import Workspace
 from pipeline.poses import Pose
-from pipeline.tasks.contract import Bodies, Draw, Limit, Task, by_name, register, sign_of
+from pipeline.tasks.contract import ANY_YAW, Bodies, Draw, Limit, Task, by_name, register, sign_of
 from pipeline.tasks.outcome import Outcome
 from pipeline.world.physics.body import TABLE_TOP
 
@@ -24,7 +24,7 @@ class MovePlayingcardAway(Task):
             "playing_cards",
             x=(-0.10, 0.10),
             y=(-0.20, 0.05),
-            yaw=(-3.14, 3.14),
+            yaw=ANY_YAW,
             away_from_centre=0.05,
         )
 
@@ -48,6 +48,5 @@ class MovePlayingcardAway(Task):
             "far_out": bool(abs(x) > limit["out"]),
             "on_arm_side": bool(sign_of(arms["arm"]) * x > 0),
             "upright": o.upright("cards", limit["tilt"]),
-            **o.resting("cards", "table"),
-            "grippers_open": o.grippers_open(),
+            **o.set_down("cards", "table"),
         }

@@ -8,6 +8,7 @@ from pipeline.expert.skills import ROUND, grasp, lift, place, resting_poses, upr
 from pipeline.motion.workspace import Workspace
 from pipeline.poses import Pose
 from pipeline.tasks.contract import (
+    ANY_YAW,
     Bodies,
     Draw,
     Limit,
@@ -44,8 +45,8 @@ class PlaceBeside(Task):
         b = draw.one_of(*KINDS)
         a = draw.one_of(*(kind for kind in KINDS if kind != family_of(b)))
         (ax, ay), (bx, by) = self.places(draw)
-        yield Placement("b", b, Region(x=(bx, bx), y=(by, by), yaw=(-3.14, 3.14)))
-        yield Placement("a", a, Region(x=(ax, ax), y=(ay, ay), yaw=(-3.14, 3.14)))
+        yield Placement("b", b, Region(x=(bx, bx), y=(by, by), yaw=ANY_YAW))
+        yield Placement("a", a, Region(x=(ax, ax), y=(ay, ay), yaw=ANY_YAW))
 
     def places(self, draw: Draw) -> tuple[tuple[float, float], tuple[float, float]]:
         """Positions of A and B by the law of the original: A anywhere, B 10 cm from it in y at
@@ -86,8 +87,7 @@ class PlaceBeside(Task):
             "on_correct_side": bool(self.direction * dx > 0),
             "at_distance": bool(limit["near"] < (dx**2 + dy**2) ** 0.5 < limit["far"]),
             "in_line": within(dy, limit["across"]),
-            **o.resting("a", "table"),
-            "grippers_open": o.grippers_open(),
+            **o.set_down("a", "table"),
         }
 
 

@@ -55,6 +55,5 @@ class RotateQrcode(Task):
             "centred": within(o.offset(sign, goal)[:2], limit["plane"]),
             "aligned": o.orientation_error(sign, goal) < limit["angle"],
             "at_height": bool(sign[2] < TABLE_TOP + limit["height"]),
-            **o.resting("sign", "table"),
-            "grippers_open": o.grippers_open(),
+            **o.set_down("sign", "table"),
         }

@@ -1,5 +1,5 @@
 from pipeline.motion.workspace import Workspace
-from pipeline.tasks.contract import Bodies, Draw, Limit, by_name, register
+from pipeline.tasks.contract import ANY_YAW, Bodies, Draw, Limit, by_name, register
 
 from .press import Press
 
@@ -18,6 +18,6 @@ class ClickAlarmclock(Press):
             "alarm_clock",
             x=(-0.21, 0.21),
             y=(-0.20, 0.10),
-            yaw=(-3.14, 3.14),
+            yaw=ANY_YAW,
             away_from_centre=0.05,
         )

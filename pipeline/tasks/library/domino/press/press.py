@@ -14,7 +14,6 @@ class Press(Task):
     part: ClassVar[str] = "button"
 
     def pressing(self, a: Actor) -> Skill:
-        """The skill that meets the target."""
         return press(
             a.arms["arm"], a.frame(self.target, self.part), body=self.target, part=self.part
         )

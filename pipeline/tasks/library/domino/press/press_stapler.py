@@ -1,5 +1,5 @@
 from pipeline.motion.workspace import Workspace
-from pipeline.tasks.contract import Bodies, Draw, Limit, by_name, register
+from pipeline.tasks.contract import ANY_YAW, Bodies, Draw, Limit, by_name, register
 from pipeline.tasks.outcome import Outcome
 
 from .press import Press
@@ -16,7 +16,7 @@ class PressStapler(Press):
     own_conditions = ("closed_at_press",)
 
     def layout(self, draw: Draw) -> Bodies:
-        yield draw.place("stapler", x=(-0.20, 0.20), y=(-0.10, 0.05), yaw=(-3.14, 3.14))
+        yield draw.place("stapler", x=(-0.20, 0.20), y=(-0.10, 0.05), yaw=ANY_YAW)
 
     def success(self, o: Outcome, arms: dict[str, str]) -> dict[str, bool]:
         sides = o.log.sides if o.rules.name == "domino" else (arms["arm"],)

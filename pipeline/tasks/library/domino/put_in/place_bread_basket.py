@@ -6,7 +6,7 @@ from pipeline.expert.regrasping import place_or_regrasp, regrasp
 from pipeline.expert.skills import ROUND, grasp, in_turn, lift, open_, resting_poses
 from pipeline.motion.workspace import Workspace
 from pipeline.poses import Pose
-from pipeline.tasks.contract import Bodies, Draw, Limit, Task, by_name, register
+from pipeline.tasks.contract import ANY_YAW, Bodies, Draw, Limit, Task, by_name, register
 from pipeline.tasks.outcome import Outcome, within
 
 DROPS = (0.0, 0.03, 0.06)  # m above the floor at which the bread may be let go, the lowest in reach
@@ -34,7 +34,7 @@ class PlaceBreadBasket(Task):
             "bread_basket",
             x=(-0.25, 0.25),
             y=(-0.05, 0.15),
-            yaw=(-3.14, 3.14),
+            yaw=ANY_YAW,
             distances={"bread": 0.10},
         )
 
@@ -79,6 +79,5 @@ class PlaceBreadBasket(Task):
         return {
             "centred": within(d[:2], limit["plane"]),
             "off_table": not o.touching("bread", "table"),
-            **o.resting("bread", "basket"),
-            "grippers_open": o.grippers_open(),
+            **o.set_down("bread", "basket"),
         }

@@ -1,6 +1,6 @@
 from pipeline.expert.actor import Actor, Skills
 from pipeline.expert.skills import ROUND, grasp, lift, place, resting_poses
-from pipeline.tasks.contract import Bodies, Draw, register
+from pipeline.tasks.contract import ANY_YAW, Bodies, Draw, register
 
 from .basket import IntoBasket
 
@@ -15,7 +15,7 @@ class PlaceCanBasket(IntoBasket):
     def layout(self, draw: Draw) -> Bodies:
         side = draw.side()
         yield draw.place("basket", x=(side * -0.02, side * 0.02), y=(-0.08, -0.05))
-        yield draw.place("can", x=(side * 0.20, side * 0.25), y=(0.0, 0.10), yaw=(-3.14, 3.14))
+        yield draw.place("can", x=(side * 0.20, side * 0.25), y=(0.0, 0.10), yaw=ANY_YAW)
 
     def meet(self, a: Actor) -> Skills:
         arm = a.arms["arm"]

@@ -1,4 +1,4 @@
-from pipeline.tasks.contract import Bodies, Draw, Limit, by_name, register
+from pipeline.tasks.contract import ANY_YAW, Bodies, Draw, Limit, by_name, register
 
 from .set_down import SetDown
 
@@ -14,11 +14,6 @@ class PlaceContainerPlate(SetDown):
     def layout(self, draw: Draw) -> Bodies:
         side = draw.side()
         yield draw.place(
-            "container",
-            "bowl",
-            "cup",
-            x=(side * 0.20, side * 0.28),
-            y=(-0.10, 0.05),
-            yaw=(-3.14, 3.14),
+            "container", "bowl", "cup", x=(side * 0.20, side * 0.28), y=(-0.10, 0.05), yaw=ANY_YAW
         )
         yield draw.place("plate", x=(side * 0.02, side * 0.08), y=(-0.15, -0.10))

@@ -1,4 +1,4 @@
-from pipeline.tasks.contract import Bodies, Draw, Limit, by_name, register
+from pipeline.tasks.contract import ANY_YAW, Bodies, Draw, Limit, by_name, register
 from pipeline.tasks.outcome import Outcome, within
 
 from .set_down import SetDown
@@ -17,7 +17,7 @@ class PlaceEmptyCup(SetDown):
 
     def layout(self, draw: Draw) -> Bodies:
         side = draw.side()
-        yield draw.place("cup", x=(side * 0.15, side * 0.30), y=(-0.20, 0.05), yaw=(-3.14, 3.14))
+        yield draw.place("cup", x=(side * 0.15, side * 0.30), y=(-0.20, 0.05), yaw=ANY_YAW)
         yield draw.place(
             "coaster", x=(side * -0.05, side * 0.10), y=(-0.20, 0.05), distances={"cup": 0.10}
         )
@@ -29,6 +29,5 @@ class PlaceEmptyCup(SetDown):
             "centred": bool(x * x + y * y < limit["plane"] ** 2),
             "at_height": within(z, limit["height"]),
             "upright": o.upright("cup", limit["tilt"]),
-            **o.resting("cup", "coaster"),
-            "grippers_open": o.grippers_open(),
+            **o.set_down("cup", "coaster"),
         }

@@ -1,6 +1,6 @@
 import numpy as np
 
-from pipeline.tasks.contract import Bodies, Draw, Limit, Region, by_name, register
+from pipeline.tasks.contract import ANY_YAW, Bodies, Draw, Limit, Region, by_name, register
 from pipeline.tasks.outcome import Outcome, within
 
 from .set_down import SetDown
@@ -25,7 +25,7 @@ class PlaceMousePad(SetDown):
 
     def layout(self, draw: Draw) -> Bodies:
         side = draw.side()
-        yield draw.place("mouse", x=(side * 0.05, side * 0.25), y=(-0.20, 0.0), yaw=(-3.14, 3.14))
+        yield draw.place("mouse", x=(side * 0.05, side * 0.25), y=(-0.20, 0.0), yaw=ANY_YAW)
         pad = Region(x=(side * 0.05, side * 0.25), y=(-0.20, 0.0))
         yield self.pad(draw, pad, gap=0.03, distances={"mouse": 0.10})
 
@@ -35,6 +35,5 @@ class PlaceMousePad(SetDown):
         return {
             "centred": within(o.offset(base, centre)[:2], (limit["along_x"], limit["along_y"])),
             "aligned": o.orientation_error(base, centre, turns=2) < limit["angle"],
-            **o.resting("mouse", "pad"),
-            "grippers_open": o.grippers_open(),
+            **o.set_down("mouse", "pad"),
         }

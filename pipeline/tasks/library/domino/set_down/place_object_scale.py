@@ -1,4 +1,13 @@
-from pipeline.tasks.contract import Bodies, Draw, Limit, Placement, Region, by_name, register
+from pipeline.tasks.contract import (
+    ANY_YAW,
+    Bodies,
+    Draw,
+    Limit,
+    Placement,
+    Region,
+    by_name,
+    register,
+)
 from pipeline.tasks.outcome import Outcome
 
 from .set_down import SetDown
@@ -14,9 +23,9 @@ class PlaceObjectScale(SetDown):
 
     def layout(self, draw: Draw) -> Bodies:
         side = draw.side()
-        item = Region(x=(side * 0.02, side * 0.25), y=(-0.20, 0.05), yaw=(-3.14, 3.14))
+        item = Region(x=(side * 0.02, side * 0.25), y=(-0.20, 0.05), yaw=ANY_YAW)
         yield Placement("object", draw.one_of("mouse", "stapler", "bell"), item)
-        yield draw.place("scale", x=item.x, y=item.y, yaw=(-3.14, 3.14), distances={"object": 0.15})
+        yield draw.place("scale", x=item.x, y=item.y, yaw=ANY_YAW, distances={"object": 0.15})
 
     def success(self, o: Outcome, arms: dict[str, str]) -> dict[str, bool]:
         limit = self.under(o.rules)

@@ -43,6 +43,5 @@ class PlacePhoneStand(SetDown):
             "centred": within(d[:2], (limit["along_x"], limit["along_y"])),
             "at_height": within(d[2], limit["height"]),
             "tilted": not o.upright("phone", limit["tilt"]),
-            **o.resting("phone", "stand"),
-            "grippers_open": o.grippers_open(),
+            **o.set_down("phone", "stand"),
         }

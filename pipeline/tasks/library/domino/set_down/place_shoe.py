@@ -56,6 +56,5 @@ class PlaceShoe(SetDown):
             "at_height": within(z, limit["height"]),
             "aligned": within(2 * np.arctan2(s, abs(w)), limit["angle"]),
             "upright": o.upright("shoe", limit["tilt"]),
-            **o.resting("shoe", "mat"),
-            "grippers_open": o.grippers_open(),
+            **o.set_down("shoe", "mat"),
         }

@@ -23,7 +23,6 @@ class SetDown(Task):
     above: ClassVar[float] = 0.10
 
     def pad(self, draw: Draw, region: Region, **kept: Any) -> Placement:
-        """A thin pad of the size that the rules have."""
         pad = draw.one_of("pad", half=self.sizes["pad"].under(draw.rules), thickness=0.004)
         return Placement("pad", pad, region, **kept)
 
@@ -47,6 +46,4 @@ class SetDown(Task):
             found["aligned"] = o.orientation_error(base, goal, self.turns) < limit["angle"]
         if "tilt" in limit:
             found["upright"] = o.upright(self.manipulated, limit["tilt"])
-        return (
-            found | o.resting(self.manipulated, self.target) | {"grippers_open": o.grippers_open()}
-        )
+        return found | o.set_down(self.manipulated, self.target)

@@ -1,4 +1,4 @@
-from pipeline.tasks.contract import Bodies, Draw, Limit, Region, by_name, register, side_of
+from pipeline.tasks.contract import ANY_YAW, Bodies, Draw, Limit, Region, by_name, register, side_of
 from pipeline.tasks.outcome import Outcome, within
 from pipeline.world.physics.body import Body
 
@@ -23,7 +23,7 @@ class StampSeal(SetDown):
 
     def layout(self, draw: Draw) -> Bodies:
         side = draw.side()
-        yield draw.place("stamp", "seal", x=(0.0, 0.0), y=(0.0, 0.0), yaw=(-3.14, 3.14))
+        yield draw.place("stamp", "seal", x=(0.0, 0.0), y=(0.0, 0.0), yaw=ANY_YAW)
         pad = Region(x=(0.0, side * 0.25), y=(-0.15, 0.15), away_from_origin=0.10)
         yield self.pad(draw, pad, gap=0.03)
 
@@ -38,6 +38,5 @@ class StampSeal(SetDown):
             "at_height": within(d[2], limit["height"]),
             "at_distance": bool(d @ d < limit["distance"] ** 2),
             "upright": o.upright("stamp", limit["tilt"]),
-            **o.resting("stamp", "pad"),
-            "grippers_open": o.grippers_open(),
+            **o.set_down("stamp", "pad"),
         }

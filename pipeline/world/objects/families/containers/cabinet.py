@@ -125,7 +125,6 @@ class Cabinet(Parametric):
         return Slide((0.0, -1.0, 0.0), 0.0, 1.4 * self.hy)
 
     def boards(self) -> list[tuple[tuple[float, float, float], tuple[float, float, float]]]:
-        """Half extents and centre of every board."""
         hx, hy, h, f, t = self.hx, self.hy, self.height, self.foot, BOARD / 2
         return [
             *(((t, hy, h / 2), (x, 0, h / 2)) for x in (hx - t, t - hx)),

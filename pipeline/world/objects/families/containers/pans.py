@@ -20,8 +20,6 @@ WALL = 0.004
 
 @register("pot")
 class Pot(Parametric):
-    """Two loop handles lie along x."""
-
     radius: float = between(0.075, 0.10, size=LARGE)
     material: str = one_of(("steel", "enamel"))
     height: float = between(0.85, 1.25, of="radius")

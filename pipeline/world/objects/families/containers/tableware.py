@@ -116,8 +116,6 @@ CUP_SKINS = {"plastic": (plastic, 1000.0), "ceramic": (glaze, 2300.0), "metal": 
 
 @register("cup")
 class Cup(Parametric):
-    """A tumbler of plastic, ceramic or metal."""
-
     radius: float = between(0.028, 0.034, size=LARGE)  # at the rim
     material: str = one_of(tuple(CUP_SKINS))
     colour: str = one_of(COLOURS)
@@ -154,8 +152,6 @@ MUG_WALL = 0.004
 
 @register("mug")
 class Mug(Parametric):
-    """A mug with an ear: hollow, the handle towards +x."""
-
     radius: float = between(0.029, 0.034, size=LARGE)
     colour: str = one_of(COLOURS)
     height: float = between(2.3, 2.9, of="radius")
@@ -240,8 +236,6 @@ class ShellCup(Parametric):
 
 @register("lid")
 class Lid(Parametric):
-    """A round lid with a knob to hold it by, wider than a cup."""
-
     radius: float = between(0.038, 0.044, size=LARGE)
     material: str = one_of(("plastic", "ceramic"))
     colour: str = one_of(COLOURS)

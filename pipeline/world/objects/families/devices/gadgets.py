@@ -215,8 +215,6 @@ class Phone(Parametric):
 
 @register("remote")
 class RemoteControl(Parametric):
-    """Lies on its back, its top towards +y."""
-
     noun = "remote control"
 
     hx: float = between(0.019, 0.026)

@@ -41,7 +41,6 @@ class AlarmClock(Parametric):
 
     @property
     def middle(self) -> float:
-        """Height of the middle of a twin-bell clock's face."""
         return self.radius + 0.008
 
     def _hands(self) -> list[tuple[Mesh, Material]]:
@@ -117,7 +116,6 @@ class AlarmClock(Parametric):
 
 
 def _standing(mesh: Mesh) -> Mesh:
-    """The mesh cut flat at the table."""
     vertices = mesh.vertices.copy()
     vertices[:, 2] = np.maximum(vertices[:, 2], 0)
     return Mesh(vertices, mesh.triangles, mesh.normals, mesh.uvs)

@@ -25,8 +25,6 @@ FORMS = {"round-shouldered": 0.55, "sloping": 1.7, "square-shouldered": 0.22}
 
 @register("bottle")
 class Bottle(Parametric):
-    """Capped, with a label."""
-
     radius: float = between(0.026, 0.032)
     colour: str = one_of(COLOURS)
     height: float = between(*HEIGHT, size=TALL)
@@ -40,7 +38,6 @@ class Bottle(Parametric):
 
     @property
     def body(self) -> float:
-        """Height of the cylindrical part (m)."""
         return self.height - self.cap - 0.006 - FORMS[self.form] * self.radius
 
     def outline(self) -> list[tuple[float, float]]:

@@ -63,8 +63,6 @@ class PlayingCards(Parametric):
 
 @register("tea_box")
 class TeaBox(Parametric):
-    """Has a code block on each of its four sides."""
-
     colour: str = one_of(COLOURS)
     hx: float = between(0.026, 0.033)
     hy: float = between(0.026, 0.034)

@@ -130,8 +130,6 @@ SKINS = {"ripe": ("red", "maroon"), "unripe": ("green", "lime", "mint")}
 
 @register("tomato")
 class Tomato(Parametric):
-    """A flattened ball with its green star."""
-
     ripeness: str = one_of(tuple(SKINS))
     colour: str = one_of(SKINS, by="ripeness")
     radius: float = between(0.025, 0.031, size=LARGE)

@@ -48,8 +48,6 @@ HEIGHT = 0.20
 
 @register("long_block")
 class LongBlock(Parametric):
-    """The giver takes it low, the receiver high."""
-
     colour: str = one_of(("red", "maroon", "coral", "rust"))
     bevel: float = between(0.001, 0.005)
     band: str = one_of(COLOURS, other_than="colour")  # colour of the ring round the middle
@@ -117,8 +115,6 @@ STICKERS = ("white", "yellow", "red", "orange", "blue", "green")
 
 @register("rubiks_cube")
 class RubiksCube(Parametric):
-    """Scrambled: nine stickers on each of six sides."""
-
     noun = "puzzle cube"
 
     side: float = between(0.050, 0.058, size=LARGE)

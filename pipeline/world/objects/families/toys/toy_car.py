@@ -49,8 +49,6 @@ class Ball(Parametric):
 
 @register("play_ball")
 class PlayBall(Ball):
-    """Fits a gripper; a stripe shows how it rolls."""
-
     noun = "ball"
 
     radius: float = between(0.022, 0.028, size=LARGE)
