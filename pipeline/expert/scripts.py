@@ -30,5 +30,6 @@ def set_down_on(
 
 
 def let_go(side: str) -> Skills:
+    """Open the gripper and draw the hand back."""
     yield open_(side)
     yield retreat(side, 0.08)

@@ -117,6 +117,7 @@ class Draw:
         return int(self.placement.integers(2)) * 2 - 1
 
     def uniform(self, low: float, high: float) -> float:
+        """A number of the placement stream."""
         return float(self.placement.uniform(low, high))
 
     def several[T](self, options: Sequence[T], count: int) -> list[T]:

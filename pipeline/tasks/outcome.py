@@ -43,6 +43,7 @@ class Outcome:
         self.target, self.rules = target, rules
 
     def until(self, frames: int) -> "Outcome":
+        """The same episode cut after its first `frames` frames."""
         log, spin = self.log, self.log.target_angular_velocity
         rows = ("times", "poses", "qpos", "qvel", "state", "action", "tcp", "target_velocity")
         cut = replace(
@@ -55,9 +56,11 @@ class Outcome:
         return Outcome(cut, self.bodies, self.embodiment, self.target, self.rules)
 
     def pose(self, name: str, frame: int = -1) -> Pose:
+        """World pose (7,) of a body at a frame."""
         return self.log.pose(name)[frame]
 
     def frame(self, name: str, point: str, at: int = -1) -> Pose:
+        """World pose (7,) of a named frame of a body."""
         return compose(self.pose(name, at), self.bodies[name].instance.frames()[point])
 
     def offset(self, a: Pose, b: Pose) -> Floats:
@@ -119,6 +122,7 @@ class Outcome:
         return len(p) == 4 and float(np.linalg.norm(p[-1] - p[0])) <= speed * float(t[-1] - t[0])
 
     def opening(self, side: str, frame: int = -1) -> float:
+        """Normalised opening of a gripper at a frame, 0 closed to 1 open."""
         return float(self.log.state[frame, self.log.vector_names.index(f"{side}_gripper")])
 
     def commanded(self, side: str, frame: int = -1) -> float:
@@ -130,12 +134,16 @@ class Outcome:
         return (self.commanded if self.rules.name == "domino" else self.opening)(side, frame)
 
     def gripper_open(self, side: str) -> bool:
+        """Whether a gripper is open."""
         return self._opening(side) > OPEN
 
     def closes(self, side: str) -> bool:
+        """Whether a gripper is commanded to be closed; the measured opening depends on what it
+        holds."""
         return self.commanded(side) < CLOSED
 
     def grippers_open(self) -> bool:
+        """Whether all grippers are open."""
         return all(self.gripper_open(side) for side in self.log.sides)
 
     def met_by(self) -> str:
@@ -148,6 +156,7 @@ class Outcome:
         return {name: i for i, name in enumerate(self.log.bodies)}
 
     def fingers(self, side: str) -> tuple[str, ...]:
+        """Names of the finger links of one arm."""
         return tuple(f"{side}_{f}" for f in self.embodiment.arms[side].gripper.fingers)
 
     def contacts(self, a: str, b: str, last: int | None = None) -> NDArray[np.void]:
@@ -159,6 +168,7 @@ class Outcome:
         return between if last is None else between[between["frame"] >= len(self.log) - last]
 
     def touching(self, a: str, b: str, last: int = 2) -> bool:
+        """Whether two bodies touched in the last frames."""
         return len(self.contacts(a, b, last)) > 0
 
     def holds(self, side: str, name: str) -> bool:
@@ -167,6 +177,7 @@ class Outcome:
         return any(touching) if self.rules.name == "domino" else all(touching)
 
     def handled(self, name: str) -> bool:
+        """Whether any link of either arm touches a body now."""
         links = [n for n in self.log.bodies if n.startswith(("left_", "right_"))]
         return any(self.touching(link, name) for link in links)
 
@@ -192,9 +203,11 @@ class Outcome:
         return min(held, default=None)
 
     def took(self, name: str) -> bool:
+        """Whether a hand ever held a body."""
         return self.first_held(name) is not None
 
     def touched(self, side: str, name: str) -> bool:
+        """Whether a finger of an arm ever touched a body."""
         return any(len(self.contacts(finger, name)) for finger in self.fingers(side))
 
     def press(

@@ -39,6 +39,7 @@ def wider(a: Actor, side: str, by: float) -> float:
 
 @skill()
 def close(a: Actor, side: str) -> Steps:
+    """Close the gripper."""
     yield jaws(a, side, 0.0)
 
 
