@@ -38,9 +38,8 @@ Skills = Iterator[Skill]  # half of a script
 def skill[**P](
     *, arms: Sequence[str] = ("side",), body: str = "", part: str = ""
 ) -> Callable[[Callable[Concatenate["Actor", P], Steps]], Callable[P, Skill]]:
-    """Decorator of a skill's steps: makes the skill from all arguments but the actor, which notes
-    each run under the function's name. `arms`, `body` and `part` name the parameters that have
-    these."""
+    """Decorator of a skill's steps: makes the skill from all arguments but the actor, and notes
+    each run. `arms`, `body` and `part` name the parameters that have these."""
 
     def decorate(steps: Callable[Concatenate["Actor", P], Steps]) -> Callable[P, Skill]:
         name, signature = steps.__name__.rstrip("_"), inspect.signature(steps)
@@ -78,11 +77,9 @@ class Stream:
 
 
 class Actor:
-    """One expert in one simulation, with the task's roles as `arms` ({"arm": "left"}).
-
-    By side, `held` is what it carries, `expected` its joints while the other arm is planned. By
-    body, `approaches` are the directions (3,) of its last grasp; `avoid` lists directions of last
-    resort."""
+    """One expert in one simulation. By role `arms` are sides; by side `held` is what it carries,
+    `expected` its joints while the other arm is planned; by body `approaches` are the directions
+    (3,) of its last grasp and `avoid` those of last resort."""
 
     def __init__(
         self,
@@ -143,7 +140,7 @@ class Actor:
         return compose(inverse(self.simulation.tcp(side)), self.pose(self.held[side]))
 
     def planning_scene(self) -> PlanningScene:
-        """Both arms as commanded and expected, and bodies as measured but for those in another."""
+        """Arms as commanded and expected, bodies as measured but for those in another."""
         now = self.planner.split(self.simulation.command)
         arms = {
             s: ArmState(q.copy(), value, np.array(self.expected.get(s, q)))
@@ -189,7 +186,7 @@ class Actor:
 
     @property
     def skills(self) -> list[SkillRun]:
-        """The runs of skills that executed a step, in the order in which they began."""
+        """The runs of skills that executed a step, in order of their begin."""
         ended = [
             replace(run, end=self.simulation.steps) if run.end < 0 else run for run in self._runs
         ]
@@ -205,8 +202,7 @@ class Actor:
         skills: Sequence[SkillRun],
         until: Callable[[int], bool] = lambda row: False,
     ) -> bool:
-        """Execute recorded rows (N,A) up to one for which `until` holds, and return whether there
-        was one."""
+        """Execute recorded rows (N,A) up to one for which `until` holds; whether there was one."""
         for row, (command, velocity) in enumerate(zip(commands, velocities, strict=True)):
             if until(row):
                 self._runs += [
@@ -223,8 +219,7 @@ class Actor:
             self.execute(step)
 
     def execute(self, step: MotionStep) -> None:
-        """Run a motion step's trajectories together. Raises PlanFailure: step_limit,
-        excess_force."""
+        """Run trajectories together. Raises PlanFailure: step_limit, excess_force."""
         for command, velocity in zip(*self.commands(step), strict=True):
             self.advance(command, velocity)
 

@@ -20,10 +20,10 @@ _ROLLED = pose((0, 0, 0), quat_about((1, 0, 0), np.pi))  # the same pinch with t
 
 @dataclass(frozen=True)
 class GraspOptions:
-    """What a grasp is for: its `kinds`, and `goals`, lists of body poses (7,); the same grasp must
-    reach one pose of each later. `standoff` (m) is the length of the straight line in, `pitch` (rad
-    below the horizontal) the preferred approach. With `leading` > 0 only that many of the cheapest
-    grasps are looked at, one must lead to the goals, and the other hand may touch the body."""
+    """What a grasp is for: `kinds`, and `goals`, lists of body poses (7,) of which the grasp must
+    reach one each. `standoff` (m) is the length of the line in, `pitch` (rad below the horizontal)
+    the preferred approach. With `leading` > 0 only that many of the cheapest are looked at, one
+    must lead to the goals, and the other hand may touch the body."""
 
     kinds: Sequence[str] | None = None
     goals: Sequence[Sequence[Pose]] = ()
@@ -35,7 +35,7 @@ class GraspOptions:
 @dataclass(frozen=True, eq=False)
 class Candidates:
     """Grasps of a body, twice with the jaws exchanged: tcp poses (N,7) in body (`local`) and world
-    frame (`tcp`), and joints q (N,n). `order` are reachable ones, cheapest first."""
+    (`tcp`), joints q (N,n), and in `order` those in reach, cheapest first."""
 
     grasps: list[Grasp]
     local: Floats
@@ -60,7 +60,7 @@ def hand_poses(actor: Actor, side: str, bodies: Floats) -> Floats:
 
 
 def near_one(directions: Floats, avoid: Sequence[Floats]) -> NDArray[np.bool_]:
-    """Return which directions (N,3) lie within GRASP.avoided of one of `avoid` (3,)."""
+    """Which directions (N,3) lie within GRASP.avoided of one of `avoid` (3,)."""
     near = [directions @ other > np.cos(GRASP.avoided) for other in avoid]
     return np.any(near, axis=0) & np.ones(len(directions), bool)
 
@@ -73,8 +73,7 @@ def find_candidates(
     options: GraspOptions,
     avoid: Sequence[Floats],
 ) -> Candidates:
-    """Rank all grasps that fit between the jaws. Raises PlanFailure: no_grasp,
-    grasp_unreachable."""
+    """Rank the grasps that fit. Raises PlanFailure: no_grasp, grasp_unreachable."""
     grasps, local, opening = _fitting(arm, name, annotated, options)
     tcp = compose(body[None], local)
     q, ok = arm.solve(np.stack([backed_off(t, options.standoff) for t in tcp]))

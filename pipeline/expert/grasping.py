@@ -46,8 +46,8 @@ class _Checks:
 
 @dataclass(frozen=True, eq=False)
 class GraspChoice:
-    """The candidates of one body in one scene. `parts` tells whether a hand that holds the body now
-    can open and draw back from joints (n,)."""
+    """The candidates of one body in one scene. `parts` tells whether a hand that holds the body can
+    open and draw back from joints (n,)."""
 
     arm: ArmPlanner
     name: str
@@ -144,8 +144,7 @@ def _parting(arm: ArmPlanner, name: str) -> Callable[[Floats, float], bool]:
 
 
 def plan_grasp(actor: Actor, side: str, name: str, options: GraspOptions) -> GraspPlan:
-    """Plan a grasp of body `name` where it is. Raises PlanFailure: no_grasp, grasp_unreachable,
-    grasp_blocked."""
+    """Plan a grasp of body `name` where it is. Raises PlanFailure: grasp_blocked too."""
     return _plan(actor, actor.arm_planner(side), name, actor.pose(name), options)
 
 
@@ -212,8 +211,7 @@ def _checks(arm: ArmPlanner, near: Sequence[tuple[str, str]], jaws: float, hands
 def _leads_to(
     arm: ArmPlanner, name: str, carried: Carried, q: Floats, jaws: float, bodies: Floats
 ) -> bool:
-    """Whether the body, carried from joints q (n,), gets straight down to one of its poses
-    (G,7)."""
+    """Whether the body, carried from joints q (n,), gets down to one of its poses (G,7)."""
     holding = arm.within(arm.scene.holding(name, carried))
     others = [(name, other) for other in (*holding.scene.obstacles, "table")]
     free = holding.checker(others, jaws=jaws, margin=MARGINS.contact)

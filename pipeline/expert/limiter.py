@@ -18,10 +18,9 @@ TINY = 1e-12
 
 
 class Limiter:
-    """Commands at the physics rate, LAG later than their goal, from rest at `start` (A,).
-
-    The columns of each of `arms` close their distances in proportion, else a hand that swings aside
-    would dip on its way."""
+    """Commands at the physics rate, LAG later than their goal, from rest at `start` (A,). The
+    columns of each of `arms` close their distances in proportion, else a swinging hand would
+    dip."""
 
     def __init__(
         self, start: Floats, speed: Floats, acceleration: Floats, arms: Sequence[slice] = ()

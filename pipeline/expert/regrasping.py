@@ -22,8 +22,8 @@ Goals = Sequence[Sequence[Pose]]  # those of GraspOptions
 
 
 def regrasp(a: Actor, side: str, name: str, goals: Goals) -> Skills:
-    """Skills that set body `name` down where a grasp leads to the goals. None if it is held, if a
-    grasp leads there already, or if there is no such place."""
+    """Skills that set body `name` down where a grasp leads to the goals. None if it is held, a
+    grasp leads there already, or there is no such place."""
     if a.held.get(side) == name or promising(a, a.arm_planner(side), name, a.pose(name), goals):
         return
     seats = find_seats(a, side, name, goals)

@@ -33,10 +33,9 @@ def carried_along(
     target: Callable[[Floats], Pose],
     met: int,
 ) -> tuple[Floats, Floats]:
-    """Commands (M,A) and velocities of a plan (N,A) whose arms move with the target; M >= N.
-
-    From the last approach on each hand is displaced, not turned, with the target; after `met` it
-    comes to rest. Raises PlanFailure: track_unreachable, arms_collide."""
+    """Commands (M,A) and velocities of a plan (N,A) whose arms move with the target; M >= N. From
+    the last approach on each hand is displaced, not turned; after `met` it comes to rest. Raises
+    PlanFailure: track_unreachable, arms_collide."""
     commands, velocities = plan
     goals, column, arms = commands.copy(), 0, dict[str, slice]()
     for side in planner.embodiment.sides:
@@ -73,8 +72,7 @@ def _shifts(
     rows: tuple[int, int, int],
     target: Callable[[Floats], Pose],
 ) -> Floats:
-    """Offsets (M,n) of joints `q` (N,n) that carry the hand along, growing from row `start` to
-    `near`."""
+    """Offsets (M,n) of joints `q` (N,n) that carry the hand along, growing up to row `near`."""
     start, near, met = rows
     knots = np.unique([*range(start, len(q), KNOTS), met, len(q) - 1])
     times, meeting = (knots + 1) / PHYSICS_HZ, (met + 1) / PHYSICS_HZ

@@ -30,10 +30,9 @@ class Features:
 
 
 class TargetMotion(Protocol):
-    """Where a target is at time t (s); the robot starts at 0.
-
-    It stands until -`lead`, is at its manipulation pose at `duration`, and continues until
-    released. Positions are those of the body's origin in the world, m; `alpha` is in m/s."""
+    """Where a target is at time t (s); the robot starts at 0. It stands until -`lead`, is at its
+    manipulation pose at `duration`, and continues until released. Positions are the body's origin
+    in the world, m; `alpha` is in m/s."""
 
     @property
     def model(self) -> str: ...
@@ -51,8 +50,8 @@ class TargetMotion(Protocol):
         ...
 
     def twist(self, t: ArrayLike) -> Floats:
-        """Linear (m/s), then angular velocity (rad/s), (..., 6), in the world: after a breakpoint,
-        zero before -lead."""
+        """Linear (m/s), then angular velocity (rad/s), (..., 6), world: after a breakpoint, zero
+        before -lead."""
         ...
 
     def breakpoints(self) -> Floats:
@@ -78,15 +77,13 @@ Free = Callable[[TargetMotion], bool]
 
 @dataclass(frozen=True, eq=False)
 class MotionRequest:
-    """A motion that is wanted: it is at `end_pose` (7,) at t = `duration` s.
-
-    It starts at t = -`lead` s, or later where `moving` names shares of lead + duration to try in
-    turn. `alpha` bounds its average speed, or with `speed_bound` "maximum" its greatest,
-    `end_speed_limit` that at the meeting, `jump_limit` jumps of its velocity (m/s). It stays in
-    `workspace`, also for `tail` s after the meeting at its last velocity. `visible(path (N,K,3 or
-    7)) -> (N,)` accepts paths, `free(motion)` a motion. At most `candidates` shapes are drawn.
-    `radius` and `height` (m) are the target's at `end_pose`, `floor` (m) its height on the table.
-    `company` are x, y and radius (m) then of the bodies that are carried with it."""
+    """A motion that is at `end_pose` (7,) at t = `duration` s. It starts at -`lead` s, or later
+    where `moving` names shares of lead + duration to try in turn. `alpha` bounds its average speed,
+    or with `speed_bound` "maximum" its greatest, `end_speed_limit` that at the meeting,
+    `jump_limit` jumps of its velocity (m/s). It stays in `workspace`, also for `tail` s after the
+    meeting. `visible(path (N,K,3 or 7)) -> (N,)` accepts paths, `free(motion)` a motion. At most
+    `candidates` shapes are drawn. `radius` and `height` (m) are the target's, `floor` (m) its
+    height on the table, `company` x, y, radius (m) of bodies carried with it."""
 
     level: int
     alpha: float
@@ -126,8 +123,7 @@ class Streams:
 
 
 class NoMotion(Exception):
-    """No candidate was acceptable. `counts` maps reasons to rejected candidates; `features` are of
-    the last shape, if any."""
+    """No candidate was acceptable: `counts` by reason, `features` of the last shape, if any."""
 
     def __init__(
         self, asked: MotionRequest, counts: Mapping[str, int], features: Features | None = None
@@ -162,8 +158,7 @@ class Verdict:
 
 
 class MotionModel(Protocol):
-    """A family of motions, by level; `levels` omits 0. `version` rises when `draw` returns
-    something else for the same request and streams."""
+    """A family of motions, by level but 0. `version` rises when `draw` returns something else."""
 
     @property
     def name(self) -> str: ...

@@ -21,10 +21,8 @@ LEAST_SHARE = 0.15
 
 @dataclass(frozen=True)
 class Pace:
-    """The advance (m) along a path, 0 at the last of `edges`, in pieces from `start` (s) to each of
-    `edges` (s).
-
-    Piece k of duration d has the mean speed v = speeds[k] (m/s). At the share u of its time it has
+    """The advance (m) along a path, 0 at the last of `edges` (s), in pieces from `start` (s). Piece
+    k of duration d has the mean speed v = speeds[k] (m/s); at the share u of its time it has
     advanced v d (u + swell sin(pi u) / pi), at the speed v (1 + swell cos(pi u)). The last speed is
     kept."""
 
@@ -34,8 +32,7 @@ class Pace:
     swell: float = 0.0
 
     def _pieces(self, t: ArrayLike) -> tuple[Floats, Floats, Floats, Floats, Floats]:
-        """Share, duration and speed of the piece, the advance at its start, the time after the
-        last."""
+        """Share, duration and speed of the piece, the advance at its start, time after the last."""
         t = np.asarray(t, float)
         starts, edges = np.array([self.start, *self.edges[:-1]]), np.array(self.edges)
         spans, speeds = edges - starts, np.array(self.speeds)

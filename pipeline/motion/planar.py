@@ -114,8 +114,8 @@ class Segment:
 
 @dataclass(frozen=True, eq=False)
 class PlanarMotion:
-    """Polynomial pieces in x and y, at constant height `z` (m). After the meeting the last velocity
-    is kept. Raises ValueError if the segments leave a gap."""
+    """Polynomial pieces in x and y without a gap, at height `z` (m); the last velocity is kept
+    after the meeting. Raises ValueError."""
 
     level: int
     alpha: float

@@ -26,8 +26,8 @@ QUANTILES = 10_000
 
 @dataclass(frozen=True, eq=False)
 class DrawnPaths:
-    """N candidate paths of up to S pieces: `durations` (N,S) in s, 0 if unused; `coefficients`
-    (N,S,2,5) in m over normalised time; `missed` (N,)."""
+    """N paths of up to S pieces: `durations` (N,S) s, 0 if unused; `coefficients` (N,S,2,5) m over
+    normalised time; `missed` (N,)."""
 
     durations: Floats
     coefficients: Floats
@@ -41,7 +41,7 @@ class DrawnPaths:
 def turned(
     path: DrawnPaths, angles: Floats, mirrored: NDArray[np.bool_], end: ArrayLike
 ) -> DrawnPaths:
-    """One path (a batch of 1) turned about its `end` by `angles` (N,) rad, after a reflection if
+    """One path (a batch of 1) turned about its `end` by `angles` (N,) rad, reflected first if
     `mirrored`."""
     n, c, s = len(angles), np.cos(angles), np.sin(angles)
     flip = np.where(mirrored, -1.0, 1.0)
@@ -101,10 +101,9 @@ def draw_level_3(
     end: ArrayLike,
     workspace: Workspace,
 ) -> DrawnPaths:
-    """`n` paths of two or three pieces with Dirichlet(1) durations, none below 0.1 s (or total/6).
-
-    A piece has constant velocity (probability 0.2, clamped to alpha) or is a polynomial of degree
-    2-3. A clamped intermediate piece ends short of its target; a clamped last piece has missed."""
+    """Two or three pieces with Dirichlet(1) durations, none below 0.1 s (or total/6). Each has
+    constant velocity (probability 0.2, clamped to alpha) or is a polynomial of degree 2-3. A clamped
+    intermediate piece ends short of its target; a clamped last piece has missed."""
     end = np.asarray(end, float)
     count = rng.integers(2, MAX_PIECES + 1, n)
     durations = _durations(rng, count, total)

@@ -122,8 +122,7 @@ class Interception:
         return out
 
     def grasp_pose(self) -> Floats:
-        """(T,7) the tcp pose of the first contact, carried with the target; else the target's
-        poses."""
+        """(T,7) the tcp pose of the first contact, carried with the target; else the target's."""
         first = min(self.log.touches, key=lambda touch: (touch.step, touch.side), default=None)
         if first is None:
             return self.target.copy()
@@ -157,8 +156,7 @@ NEAREST = 0.01  # m before a camera
 
 
 def path_ahead(positions: Floats, horizon: int) -> Floats:
-    """Positions (T,H,3) in m of the next `horizon` frames, the last frame standing for those after
-    it."""
+    """Positions (T,H,3) in m of the next `horizon` frames, the last one repeated."""
     frames = np.arange(len(positions))[:, None] + np.arange(1, horizon + 1)
     return positions[np.minimum(frames, len(positions) - 1)]
 
@@ -166,8 +164,8 @@ def path_ahead(positions: Floats, horizon: int) -> Floats:
 def trace_ahead(
     camera: CameraType, camera_poses: Floats, positions: Floats, horizon: int
 ) -> Floats:
-    """Columns, rows (pixels) and depths (m) (T,H,3) of the next positions, zero less than 1 cm
-    before the camera."""
+    """Columns, rows (pixels), depths (m) (T,H,3) of the next positions, zero less than 1 cm before
+    the camera."""
     e = extrinsics_cv(camera_poses)
     seen = np.einsum("tij,thj->thi", e[..., :3], path_ahead(positions, horizon)) + e[:, None, :, 3]
     depth = seen[..., 2:]
@@ -183,8 +181,7 @@ TRACKS = "tracks/"
 def physics_arrays(
     derived: Interception, conditions: Mapping[str, NDArray[np.bool_]]
 ) -> dict[str, NDArray[Any]]:
-    """Arrays of the group `interception` (docs/formats.md), and the success conditions (T,) by
-    name."""
+    """Arrays of the group `interception` (docs/formats.md), with the success conditions (T,)."""
     log, rate = derived.log, derived.rate
     planned = derived.meta.meeting_time
     values: dict[str, NDArray[Any]] = {

@@ -20,8 +20,7 @@ HOOD, STRIPS = (0.16, 0.30, 0.42), ((0.07, 0.07, 0.08), (0.10, 0.10, 0.11))
 
 @dataclass(frozen=True, eq=False)
 class Piece:
-    """A box, cylinder or sphere at a pose (7,) in its prop. `size` (m): half extents; radius and
-    half length; radius."""
+    """A box, cylinder or sphere at a pose (7,) in its prop; `size` (m) as of a Collider."""
 
     kind: Literal["box", "cylinder", "sphere"]
     size: tuple[float, ...]
@@ -31,8 +30,8 @@ class Piece:
 
 @dataclass(frozen=True, eq=False)
 class Prop:
-    """A rigid thing of a motion and its pose (..., 7) until the release. The robot must not touch a
-    `solid` one before the meeting."""
+    """A rigid thing and its pose (..., 7) until the release. The robot must not touch a `solid` one
+    before the meeting."""
 
     name: str
     pieces: tuple[Piece, ...]
@@ -55,8 +54,7 @@ def flat(
 
 
 def hood(half_length: float, half_width: float, height: float) -> tuple[Piece, ...]:
-    """A tunnel along x, `half_width` and `height` (m) inside, with curtains that hide what is
-    inside."""
+    """A tunnel along x, `half_width` and `height` (m) inside, with curtains."""
     wall = 0.002
     walls = [
         Piece("box", (half_length, wall, height / 2), pose((0, y, height / 2)), HOOD)

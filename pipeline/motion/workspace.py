@@ -51,11 +51,8 @@ class Workspace:
         return np.clip(np.asarray(points, float), self.lower, self.upper)
 
     def guarded(self, end: ArrayLike, margin: float = QUADRANT_MARGIN) -> "Workspace":
-        """The part in which a path to `end` (2,) must stay: the paper's quadrant rule (appendix
-        D.3).
-
-        The two edges closest to the end are kept at `margin` m, or at the end's own distance if
-        smaller."""
+        """The part in which a path to `end` (2,) must stay by the quadrant rule (appendix D.3): the
+        two edges closest to it are kept at `margin` m, or at its own distance if smaller."""
         end = np.asarray(end, float)
         high = end >= (self.lower + self.upper) / 2
         room = np.where(high, self.upper - end, end - self.lower)

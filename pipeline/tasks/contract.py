@@ -164,8 +164,7 @@ class Task(ABC):
         return {"arm": side_of(bodies[self.manipulated])}
 
     def choices(self, bodies: dict[str, Body]) -> dict[str, str]:
-        """Words by slot of the sentences that name the one of like bodies, such as {"choice":
-        "red"}."""
+        """Words by slot that name the one of like bodies, such as {"choice": "red"}."""
         return {}
 
     @abstractmethod

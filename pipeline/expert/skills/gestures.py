@@ -82,11 +82,8 @@ def _swayed(arm: ArmPlanner, hold: Pose, path: Floats) -> float:
 
 
 def _pour_costs(a: Actor, side: str, hold: Pose, bodies: Floats) -> Floats:
-    """Costs (M,) in rad of pouring at the poses `bodies` (M,7); `hold` (7,) is the tcp in the body
-    frame.
-
-    They count a stream near the hand, weight off the axis of the jaws, and an opening that does not
-    point down."""
+    """Costs (M,) in rad of pouring at poses `bodies` (M,7), tcp `hold` (7,) in the body: of a
+    stream near the hand, weight off the jaws' axis, and an opening not straight down."""
     box = a.bodies[a.held[side]].instance.shape().aabb()
     down = quat_rotate(bodies[:, 3:] * [1, -1, -1, -1], [0, 0, -1.0])
     low = down * [1, 1, 0] / np.linalg.norm(down[:, :2], axis=1, keepdims=True)

@@ -70,7 +70,7 @@ def hand_over(
 def _meeting_point(
     a: Actor, giver: str, receiver: str, places: np.ndarray, options: GraspOptions
 ) -> ArmTrajectory:
-    """A free motion of the giver to where the receiver can take over. Raises PlanFailure:
+    """The giver's free motion to where the receiver can take over. Raises PlanFailure:
     pose_unreachable, handover_blocked."""
     arm, hands = a.arm_planner(giver), hand_poses(a, giver, places)
     q, ok = arm.solve(hands)

@@ -35,8 +35,7 @@ def carry(a: Actor, side: str, bodies: ArrayLike, *, speed: float = 1.0) -> Step
 
 
 def reach(arm: ArmPlanner, poses: Floats, *, speed_scale: float = 1.0) -> ArmTrajectory:
-    """A free motion to the first feasible pose. Raises PlanFailure: pose_unreachable,
-    path_blocked."""
+    """A motion to the first feasible pose. Raises PlanFailure: pose_unreachable, path_blocked."""
     q, ok = arm.solve(poses)
     if not ok.any():
         why = f"none of {len(poses)} poses is in reach of the {arm.side} arm"
@@ -79,8 +78,7 @@ def lift_clear(a: Actor, side: str, height: float, *, speed: float = SPEEDS.lift
 def _lifts(
     arm: ArmPlanner, start: Pose, height: float, least: float = 0.0
 ) -> Iterator[tuple[Floats, float]]:
-    """Straight ways up from `start`: joints (K,n) and share of the height, highest first. Raises
-    PlanFailure("line_unreachable")."""
+    """Ways up: joints (K,n) and share of the height, highest first. Raises PlanFailure."""
     found, apart = False, arm.apart()
     for share in (s for s in MOVE.lift_shares if s >= least):
         line = arm.line(arm.q, lifted(start, height * share))

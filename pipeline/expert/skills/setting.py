@@ -42,7 +42,7 @@ def upright_goal(position: ArrayLike, yaw: float = 0.0) -> Pose:
 def _approaches(
     arm: ArmPlanner, down: Floats, back: Floats, above: float, press: float
 ) -> list[Approach]:
-    """Straight approaches to the poses `down` (N,7), cheapest first. Both directions are searched:
+    """Straight approaches to the poses `down` (N,7), cheapest first, searched in both directions:
     an arm may hover in a posture from which it cannot come down."""
     found = list[Approach]()
     low, deep = arm.solve(down - press * back)

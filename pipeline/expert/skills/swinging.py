@@ -19,8 +19,7 @@ from ..candidates import hand_poses, lifted
 
 @dataclass(frozen=True, eq=False)
 class _Swing:
-    """A swing about tcp pose `middle` (7,) from joints q (n,) through lines (K,n) `out` and
-    `across`."""
+    """A swing about tcp pose `middle` (7,) from joints q (n,) through `out`, `across` (K,n)."""
 
     q: Floats
     middle: Pose

@@ -61,8 +61,7 @@ def level_name(name: str, level: int) -> str:
 
 
 def motion_from_json(text: str) -> TargetMotion:
-    """Inverse of `TargetMotion.to_json`. Raises ValueError, or UnknownMotion for a missing
-    model."""
+    """Inverse of `to_json`. Raises ValueError, or UnknownMotion for a missing model."""
     values: Any = json.loads(text)
     if not isinstance(values, dict):
         raise ValueError("this is not a target motion: it is no JSON object")
@@ -104,8 +103,7 @@ def back_calculate_motion(
 
 
 def _late(asked: MotionRequest, streams: Streams, model: str) -> TargetMotion:
-    """The motion for the first feasible share of `asked.moving`. Raises the first try's
-    NoMotion."""
+    """The motion for the first feasible share of `asked.moving`. Raises NoMotion."""
     refused, kept = list[NoMotion](), replace(asked, candidates=1) if asked.level == 1 else asked
     for share in asked.moving:
         late = replace(kept, lead=share * asked.total - asked.duration)

@@ -23,10 +23,8 @@ STEEL, RUBBER = (0.55, 0.56, 0.60), (0.16, 0.17, 0.19)
 
 @dataclass(frozen=True)
 class Ballistic(ClosedForm):
-    """Carried along `heading` (rad) at a `pace` until `flight` s before the meeting; then free
-    flight.
-
-    In flight the height is z(T) + w (t - T) - g (t - T)^2 / 2; at `floor` (m) it lies still."""
+    """Carried along `heading` (rad) at a `pace` until `flight` s before the meeting; then in
+    flight: z(T) + w (t - T) - g (t - T)^2 / 2. At `floor` (m) it lies still."""
 
     heading: float
     pace: Pace

@@ -23,10 +23,8 @@ STEEL, CORD = (0.55, 0.56, 0.60), (0.85, 0.83, 0.78)
 @dataclass(frozen=True)
 class Pendulum(ClosedForm):
     """The angle from the vertical is A(t) sin(w (t - T)), w = sqrt(g / length), along `heading`
-    (rad).
-
-    A(t) = `amplitude` exp(`decay` (T - t)) (rad); before each of `knocks` A is `share` of its value
-    after. The pivot is `length` m above the end; the body's top `top` m above its origin."""
+    (rad). A(t) = `amplitude` exp(`decay` (T - t)) (rad), before each of `knocks` times `share`. The
+    pivot is `length` m above the end; the body's top `top` m above its origin."""
 
     kind: ClassVar[str] = "pendulum"
     heading: float

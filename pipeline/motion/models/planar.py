@@ -40,8 +40,8 @@ REASONS = (
 
 
 def judge_shapes(paths: DrawnPaths, asked: MotionRequest) -> NDArray[np.object_]:
-    """First reason (N,) against each path as the law draws it, "" for none. A straight path is
-    refused for the workspace only if no direction has room."""
+    """First reason (N,) against each path as drawn, "" for none. A straight path is refused for the
+    workspace only if no direction has room."""
     speeds = _speeds(paths, asked.total)
     speed = speeds.average if asked.speed_bound == "average" else speeds.maximum
     checks = {"miss": ~paths.missed, "speed": speed <= asked.alpha * (1 + SPEED_ROUNDING)}
@@ -119,10 +119,9 @@ def _samples(paths: DrawnPaths) -> Floats:
 
 
 def draw_motion(asked: MotionRequest, streams: Streams) -> PlanarMotion:
-    """A motion (appendix D.3) of level 1, 2 or 3 that keeps `asked`, else NoMotion.
-
-    The first shape that `judge_shapes` accepts is turned in 256 directions, and mirrored if curved.
-    One that fits in none is not replaced by a slower one, so that speeds follow the law."""
+    """A motion (appendix D.3) that keeps `asked`, else NoMotion. The first shape that
+    `judge_shapes` accepts is turned in 256 directions, and mirrored if curved; no slower one
+    replaces it, so that speeds follow the law."""
     end_pose = np.asarray(asked.end_pose, float)
     if not asked.workspace.contains(end_pose):
         raise NoMotion(asked, {"end_outside": 1})

@@ -64,8 +64,8 @@ class Sliding(NamedTuple):
     def bounced(
         self, normal: float, restitution: float, friction: float, radius: float
     ) -> "Sliding":
-        """After a cushion with `normal` (rad): `restitution` returns the velocity into it, and
-        Coulomb friction acts on the disc (moment of inertia m r^2 / 2)."""
+        """After a cushion with `normal` (rad): `restitution` of the velocity into it, and Coulomb
+        friction on the disc (moment of inertia m r^2 / 2)."""
         into = -self.speed * np.cos(self.direction - normal)
         along = self.speed * np.sin(self.direction - normal)
         slip = along - radius * self.spin
@@ -79,8 +79,8 @@ class Sliding(NamedTuple):
 
 @dataclass(frozen=True)
 class Pushed(ClosedForm):
-    """Pieces of a slide in the world; the yaw is relative to the end pose's. `normals` (rad) are
-    those of the cushions struck, `radius` (m) the target's."""
+    """Pieces of a slide in the world, yaw relative to the end's. `normals` (rad) are those of the
+    cushions struck, `radius` (m) the target's."""
 
     kind: ClassVar[str] = "pushed"
     pieces: tuple[Sliding, ...]
@@ -155,8 +155,7 @@ class PushedModel(ClosedFormModel[Pushed]):
 def _simulated(
     asked: MotionRequest, rng: np.random.Generator
 ) -> tuple[list[Sliding], list[float], float]:
-    """Slides, normals and restitution of a level, simulated at 1 m/s and then scaled: all laws are
-    linear in the speed."""
+    """Slides, normals and restitution, simulated at 1 m/s and scaled: all laws are linear."""
     total, kept = asked.lead + asked.duration, float(rng.uniform(*KEPT[max(asked.level, 1)]))
     pushed = PUSH * total
     restitution, friction = (float(rng.uniform(*r)) for r in (RESTITUTION, CUSHION_FRICTION))

@@ -19,8 +19,8 @@ from . import register
 
 @dataclass(frozen=True)
 class Rolling(Along):
-    """A roll without slipping along `heading` (rad), with the centre `radius` m above the end
-    pose's origin. Speeds are the centre's."""
+    """A roll without slipping along `heading` (rad), its centre `radius` m above the origin; speeds
+    are the centre's."""
 
     kind: ClassVar[str] = "rolling"
     heading: float

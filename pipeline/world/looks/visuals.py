@@ -111,9 +111,8 @@ def with_textures(
 
 
 def lit_by(visuals: Visuals, radiance: NDArray[np.float32]) -> Visuals:
-    """Light from an equirectangular image (H,W,3), its middle away from the robot. The brightest
-    hundredth of the sphere above the table is directional, the rest ambient, as bright as in the
-    clean room."""
+    """Light from an equirectangular image (H,W,3), its middle away from the robot: its brightest
+    hundredth above the table is directional, the rest ambient, as bright as in the clean room."""
     toward, solid = _directions(*radiance.shape[:2])
     light = radiance.astype(np.float64) * solid[..., None]
     above = np.maximum(toward[..., 2], 0)

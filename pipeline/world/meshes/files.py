@@ -118,10 +118,9 @@ class Folders:
     packages: Mapping[str, Path]
 
     def find(self, name: str) -> tuple[Path, Path]:
-        """The file that a URDF names, and the folder that bounds it. Raises MeshError.
-
-        `package://NAME/FILE`: NAME is the user's directory for it, a folder above the URDF of that
-        name or package.xml, or a folder NAME beside one."""
+        """The file that a URDF names, and the folder that bounds it. NAME of `package://NAME/FILE`
+        is the user's directory for it, a folder above the URDF of that name or package.xml, or one
+        beside those. Raises MeshError."""
         scheme, _, rest = name.rpartition("://")
         if scheme not in SCHEMES:
             return find_file(name, self.urdf.parent, self.root), self.root

@@ -36,8 +36,8 @@ def cylinder_collider(
 
 
 def push_button(radius: float, lower: float, upper: float) -> Colliders:
-    """Two crossed boxes for fingertips: on a small cylinder's rim PhysX may find a box millimetres
-    deep, and throws both apart."""
+    """Two crossed boxes: on a small cylinder's rim PhysX may find a box millimetres deep, and
+    throws both apart."""
     side, half, middle = 0.75 * radius, (upper - lower) / 2, (lower + upper) / 2
     turns = (quat_about((0, 0, 1), angle) for angle in (0.0, np.pi / 4))
     return tuple(Collider("box", (side, side, half), pose((0, 0, middle), turn)) for turn in turns)
@@ -85,8 +85,8 @@ def prism_collider(outline: NDArray[np.float64], half: float) -> Colliders:
 def ring_of_boxes(
     radius: float, wall: float, height: float, n: int = 16, z: float = 0.0, top: float | None = None
 ) -> Colliders:
-    """A hollow wall of `n` boxes of outer `radius` from `z` to `z + height`. Outer faces touch the
-    circle half-way between inscribed and circumscribed polygons."""
+    """A hollow wall of `n` boxes of outer `radius` from `z` up; outer faces touch the circle
+    half-way between inscribed and circumscribed polygons."""
     top = radius if top is None else top
     middle, slant = (radius + top) / 2, np.hypot(height, top - radius)
     fit = (1 + np.cos(np.pi / n)) / 2

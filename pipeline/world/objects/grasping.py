@@ -60,8 +60,8 @@ def turned(grasps: Grasps, yaw: float) -> Grasps:
 
 
 def low_heights(top: float) -> tuple[float, ...]:
-    """Tcp heights (m) for taking from above; several for low things, as finger ends reach 9 to 20
-    mm past the tcp."""
+    """Tcp heights (m) for taking from above; several for low things: finger ends reach 9 to 20 mm
+    past it."""
     if top >= 0.035:
         return (max(0.022, top - 0.025),)
     return tuple(z for z in (0.012, 0.017, 0.022) if z <= top + 0.008)
@@ -74,8 +74,8 @@ def side_pinches(
     outline: ArrayLike | None = None,
     kind: str = "side",
 ) -> Grasps:
-    """Pinches across an upright round body. `outline` (K,2) of (radius, z), ascending, leaves out
-    approaches whose palm would hit it."""
+    """Pinches across an upright round body; palms keep off `outline` (K,2) of (radius, z),
+    ascending."""
     limits = np.array([(-1.0, 0.0)]) if outline is None else np.asarray(outline, float)
 
     def hits(r: np.ndarray, z: np.ndarray) -> bool:
@@ -116,7 +116,7 @@ def rim_pinches(
     flare: float = 0.0,
 ) -> Grasps:
     """One finger inside, one outside. The approach follows the wall, which leans outwards by
-    `flare` degrees, tilted to both sides. The tcp lies `depth` below the rim."""
+    `flare` degrees, to both sides; the tcp lies `depth` below the rim."""
     tcps = []
     f = np.radians(flare)
     for a in AZIMUTHS:
@@ -140,10 +140,9 @@ def box_pinches(
     kind: str = "side",
     retreats: Sequence[float] = RETREATS,
 ) -> Grasps:
-    """Box pinches from above, tilted to both sides; without `centre` it stands on the table.
-
-    Dimensions in `axes` of at most WIDEST are pinched at `offsets` times the other half extent.
-    `heights` are above the box's base; `retreats` (m) keep the tcp short of the middle."""
+    """Box pinches from above, to both sides; without `centre` it stands on the table. Dimensions in
+    `axes` of at most WIDEST are pinched at `offsets` times the other half extent; `heights` are
+    above its base, `retreats` (m) short of the middle."""
     half = np.array([hx, hy, hz])
     base = np.array([0, 0, 0]) if centre is None else np.asarray(centre, float) - [0, 0, hz]
     grasps: Grasps = ()
@@ -179,8 +178,8 @@ def bar_pinches(
     rolls: Sequence[float] = (0,),
     kind: str = "bar",
 ) -> Grasps:
-    """Pinches of a horizontal bar along x. The approach leans along it by `pitches`; `rolls` turn
-    the pinch about it (degrees)."""
+    """Pinches of a horizontal bar along x: the approach leans along it by `pitches`, turned about
+    it by `rolls` (degrees)."""
     lifts = sorted({max(0.0, z - height) for z in low_heights(height + radius)})
     tcps = []
     for x, (p, side), t in product(positions, _tilts(pitches), np.radians(rolls)):
@@ -200,8 +199,8 @@ def handle_pinches(
     leans: Sequence[float] = (-45, -30, -15, 0, 15, 30, 45),
     kind: str = "handle",
 ) -> Grasps:
-    """Pinches of a straight grip `along` (3,); `out` (3,) points towards the gripper. The approach
-    is -`out`, leaned by `leans` (degrees) in their plane."""
+    """Pinches of a grip `along` (3,); the approach is -`out` (3,), leaned by `leans` (degrees) in
+    their plane."""
     along, out = np.asarray(along, float), np.asarray(out, float)
     along = along / np.linalg.norm(along)
     out = out - along * (out @ along)
