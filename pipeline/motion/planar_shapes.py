@@ -102,8 +102,8 @@ def draw_level_3(
     workspace: Workspace,
 ) -> DrawnPaths:
     """Two or three pieces with Dirichlet(1) durations, none below 0.1 s (or total/6). Each has
-    constant velocity (probability 0.2, clamped to alpha) or is a polynomial of degree 2-3. A clamped
-    intermediate piece ends short of its target; a clamped last piece has missed."""
+    constant velocity (probability 0.2, clamped to alpha) or is a polynomial of degree 2-3. A
+    clamped intermediate piece ends short of its target; a clamped last piece has missed."""
     end = np.asarray(end, float)
     count = rng.integers(2, MAX_PIECES + 1, n)
     durations = _durations(rng, count, total)

@@ -3,17 +3,7 @@ import numpy as np
 from pipeline.expert.actor import Actor, Skills
 from pipeline.expert.skills import ROUND, grasp, in_turn, lift, pause, pour, upright_goal
 from pipeline.poses import Floats, compose, inverse, pose, quat_about, quat_multiply, transform
-from pipeline.tasks.contract import (
-    ANY_YAW,
-    Bodies,
-    Draw,
-    Limit,
-    Placement,
-    Region,
-    Task,
-    by_name,
-    register,
-)
+from pipeline.tasks.contract import ANY_YAW, Bodies, Draw, Limit, Task, by_name, register
 from pipeline.tasks.outcome import Outcome
 
 BALLS = ((0.011, 0.0), (-0.011, 0.0))  # where the balls lie in the cup, x and y in its frame (m)
@@ -37,20 +27,11 @@ class PourSwayingPot(Task):
 
     def layout(self, draw: Draw) -> Bodies:
         side = draw.side()
-        yield Placement(
-            "cup",
-            draw.one_of("cup"),
-            Region(x=(side * 0.24, side * 0.30), y=(-0.20, 0.0), yaw=ANY_YAW),
-        )
+        yield draw.place("cup", x=(side * 0.24, side * 0.30), y=(-0.20, 0.0), yaw=ANY_YAW)
         for i, (x, y) in enumerate(BALLS):
-            yield Placement(
-                f"ball_{i + 1}",
-                draw.one_of("ball"),
-                Region(x=(x, x), y=(y, y), z=0.004),
-                inside="cup",
-            )
-        pot = Region(x=(side * 0.02, side * 0.10), y=(-0.18, 0.0), yaw=ANY_YAW)
-        yield Placement("pot", draw.one_of("pot"), pot, distances={"cup": 0.18})
+            yield draw.place(f"ball_{i + 1}", "ball", x=(x, x), y=(y, y), z=0.004, inside="cup")
+        region = {"x": (side * 0.02, side * 0.10), "y": (-0.18, 0.0), "yaw": ANY_YAW}
+        yield draw.place("pot", distances={"cup": 0.18}, **region)
 
     def meet(self, a: Actor) -> Skills:
         arm, over, tipped = a.arms["arm"], *self._poses(a)
@@ -89,12 +70,8 @@ class PourSwayingPot(Task):
 
     def success(self, o: Outcome, arms: dict[str, str]) -> dict[str, bool]:
         low, high = o.bodies["pot"].instance.shape().aabb()
-        balls = np.array(
-            [
-                transform(inverse(o.pose("pot")), o.pose(f"ball_{i + 1}")[:3])
-                for i in range(len(BALLS))
-            ]
-        )
+        places = [o.pose(f"ball_{i + 1}")[:3] for i in range(len(BALLS))]
+        balls = transform(inverse(o.pose("pot")), np.array(places))
         return {
             "balls_in_pot": bool(((balls > low - 0.002) & (balls < high)).all()),
             "pot_upright": o.upright("pot"),

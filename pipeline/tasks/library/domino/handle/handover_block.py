@@ -42,18 +42,16 @@ class HandoverBlock(Task):
         return {"giver": "left", "receiver": "right"}
 
     def meet(self, a: Actor) -> Skills:
-        yield grasp(
-            a.arms["giver"], "block", kinds=("high",), goals=[list(self._exchange())], pitch=0.4
-        )
+        goals = [list(self._exchange())]
+        yield grasp(a.arms["giver"], "block", kinds=("high",), goals=goals, pitch=0.4)
 
     def finish(self, a: Actor) -> Skills:
         giver, receiver = a.arms["giver"], a.arms["receiver"]
         yield lift(giver, 0.10)
         centre = a.frame("pad", "centre")
-        goals = resting_poses(a.frames("block")["base"], centre, QUARTERS)
-        yield hand_over(
-            giver, receiver, self._exchange(), kinds=("low",), goals=[list(goals)], leading=40
-        )
+        goals = [list(resting_poses(a.frames("block")["base"], centre, QUARTERS))]
+        how = {"kinds": ("low",), "goals": goals, "leading": 40}
+        yield hand_over(giver, receiver, self._exchange(), **how)
         yield open_(giver)
         yield retreat(giver, 0.09)
         yield together(home(giver), lift(receiver, 0.03))

@@ -45,9 +45,8 @@ class HandoverMic(Task):
 
     def meet(self, a: Actor) -> Skills:
         giver = a.arms["giver"]
-        yield grasp(
-            giver, "microphone", kinds=("tail",), goals=[list(self._exchange(giver))], pitch=1.2
-        )
+        goals = [list(self._exchange(giver))]
+        yield grasp(giver, "microphone", kinds=("tail",), goals=goals, pitch=1.2)
 
     def finish(self, a: Actor) -> Skills:
         giver, receiver = a.arms["giver"], a.arms["receiver"]

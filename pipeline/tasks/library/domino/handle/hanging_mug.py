@@ -1,3 +1,5 @@
+from itertools import product
+
 import numpy as np
 
 from pipeline.expert.actor import Actor, Skills
@@ -40,12 +42,8 @@ class HangingMug(Task):
         return {"catcher": "left", "hanger": "right"}
 
     def meet(self, a: Actor) -> Skills:
-        yield grasp(
-            a.arms["catcher"],
-            "mug",
-            kinds=("side", "rim"),
-            goals=[[upright_goal(MIDDLE, yaw) for yaw in self._turns()]],
-        )
+        goals = [[upright_goal(MIDDLE, yaw) for yaw in self._turns()]]
+        yield grasp(a.arms["catcher"], "mug", kinds=("side", "rim"), goals=goals)
 
     def finish(self, a: Actor) -> Skills:
         catcher, hanger = a.arms["catcher"], a.arms["hanger"]
@@ -58,16 +56,9 @@ class HangingMug(Task):
         goals = np.concatenate([resting_poses(hole, goal, TILTS) for goal in self._on_the_peg(a)])
         yield grasp(hanger, "mug", kinds=("side",), goals=[list(goals)], pitch=0.3)
         yield lift(hanger, 0.12)
-        yield place(
-            hanger,
-            "handle_hole",
-            self._on_the_peg(a),
-            yaws=TILTS,
-            above=0.11,
-            out=self._peg(a),
-            press=0.0,
-            opening=0.03,
-        )
+        how = {"above": 0.11, "press": 0.0, "opening": 0.03}
+        peg, out = self._on_the_peg(a), self._peg(a)
+        yield place(hanger, "handle_hole", peg, yaws=TILTS, out=out, **how)
         yield open_(hanger)
         yield retreat(hanger, 0.12)
 
@@ -84,18 +75,13 @@ class HangingMug(Task):
         little."""
         at, out = a.frame("rack", "peg_middle")[:3], self._peg(a)
         aside = np.arctan2(out[1], out[0]) - np.pi / 2
-        goals = []
-        for turn in (0.0, 0.25, -0.25, 0.5, -0.5):
-            for ear in (aside + turn, aside + turn + np.pi):
-                goals.append(frame(at, (np.cos(ear), np.sin(ear), 0), (0, 0, -1)))
-        return np.stack(goals)
+        turns = product((0.0, 0.25, -0.25, 0.5, -0.5), (0.0, np.pi))
+        ears = (aside + turn + half for turn, half in turns)
+        return np.stack([frame(at, (np.cos(e), np.sin(e), 0), (0, 0, -1)) for e in ears])
 
     def success(self, o: Outcome, arms: dict[str, str]) -> dict[str, bool]:
-        limit, hole, tip = (
-            self.under(o.rules),
-            o.frame("mug", "handle_hole"),
-            o.frame("rack", "peg"),
-        )
+        limit, tip = self.under(o.rules), o.frame("rack", "peg")
+        hole = o.frame("mug", "handle_hole")
         local = transform(inverse(tip), hole[:3])
         beside = hole[:2] - (o.pose("rack")[:2] + tip[:2]) / 2
         root = transform(inverse(tip), o.frame("rack", "peg_middle")[:3])[2] * 2

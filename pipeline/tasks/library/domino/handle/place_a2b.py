@@ -60,10 +60,8 @@ class PlaceBeside(Task):
             b = draw.uniform(*xs), draw.uniform(-0.20, 0.0)
             while abs(a[1] - b[1]) < APART:
                 b = draw.uniform(*xs), draw.uniform(-0.20, 0.0)
-            if (
-                self.direction * (a[0] - b[0]) < 0
-                or float(np.hypot(a[0] - b[0], a[1] - b[1])) > NEAR
-            ):
+            dx, dy = a[0] - b[0], a[1] - b[1]
+            if self.direction * dx < 0 or float(np.hypot(dx, dy)) > NEAR:
                 return a, b
 
     def meet(self, a: Actor) -> Skills:

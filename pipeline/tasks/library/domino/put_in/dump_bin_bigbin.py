@@ -94,9 +94,8 @@ class DumpBinBigbin(Task):
         raised = [upright_goal((x, y, z), yaw) for x, y, yaw in ways]
         # it may turn in the hand once more
         while (missing := TABLE_TOP + HELD_UP - a.pose("bin")[2]) > 0.03:
-            yield first_of(
-                lift("left", missing, least=1.0), carry("left", raised), lift("left", missing)
-            )
+            whole, part = lift("left", missing, least=1.0), lift("left", missing)
+            yield first_of(whole, carry("left", raised), part)
 
     def _spots(self, a: Actor) -> list[np.ndarray]:
         """Points (3,) above the near part of the big bin."""
@@ -135,9 +134,8 @@ class DumpBinBigbin(Task):
         limit = self.under(o.rules)
         low, high = o.bodies["big_bin"].instance.shape().aabb()
         floor = o.bodies["big_bin"].instance.frames()["inside"][2]
-        into = inverse(o.pose("big_bin"))
-        balls = [transform(into, o.pose(f"ball_{i + 1}")[:3]) for i in range(len(BALLS))]
-        balls = np.array(balls)
+        places = [o.pose(f"ball_{i + 1}")[:3] for i in range(len(BALLS))]
+        balls = transform(inverse(o.pose("big_bin")), np.array(places))
         return {
             "balls_in_big_bin": bool(((balls > low) & (balls < high)).all()),
             "balls_at_bottom": bool((balls[:, 2] < floor + limit["depth"]).all()),

@@ -61,14 +61,10 @@ class PlaceBreadBasket(Task):
         above as the arm needs."""
         arm, grasps = a.arm_planner(a.arms["arm"]), a.frames("bread").grasps
         options = [lifted(a.frame("basket", "inside"), drop) for drop in DROPS]
-        return next(
-            (
-                onto
-                for onto in options
-                if len(leading_grasps(arm, "bread", grasps, self._goals(a, onto))) > 0
-            ),
-            options[0],
-        )
+        for onto in options:
+            if len(leading_grasps(arm, "bread", grasps, self._goals(a, onto))) > 0:
+                return onto
+        return options[0]
 
     def _goals(self, a: Actor, onto: Pose) -> list[list[Pose]]:
         return [list(resting_poses(a.frames("bread")["base"], onto, ROUND))]

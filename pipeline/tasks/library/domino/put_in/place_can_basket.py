@@ -19,17 +19,12 @@ class PlaceCanBasket(IntoBasket):
 
     def meet(self, a: Actor) -> Skills:
         arm = a.arms["arm"]
-        yield grasp(
-            arm,
-            "can",
-            goals=[list(resting_poses(a.frames("can")["base"], a.frame("basket", arm), ROUND))],
-            pitch=0.8,
-        )
+        goals = resting_poses(a.frames("can")["base"], a.frame("basket", arm), ROUND)
+        yield grasp(arm, "can", goals=[list(goals)], pitch=0.8)
 
     def finish(self, a: Actor) -> Skills:
         arm, lifter = a.arms["arm"], a.arms["lifter"]
         yield lift(arm, 0.15)
-        yield place(
-            arm, "base", a.frame("basket", arm), yaws=ROUND, above=0.10, press=0.0, opening=0.025
-        )
+        goal = a.frame("basket", arm)
+        yield place(arm, "base", goal, yaws=ROUND, above=0.10, press=0.0, opening=0.025)
         yield from self.release(arm, lifter, 0.025)

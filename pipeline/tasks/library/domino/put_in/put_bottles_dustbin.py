@@ -45,25 +45,16 @@ class PutBottlesDustbin(Task):
         return {"arm": side_of(bodies["bottle"]), "dropper": "left"}
 
     def meet(self, a: Actor) -> Skills:
-        if a.arms["arm"] == "left":
-            yield grasp(
-                "left", "bottle", kinds=BODY, goals=[list(self._over_the_bin(a))], pitch=0.4
-            )
-        else:
-            yield grasp(
-                "right", "bottle", kinds=("neck", "high"), goals=[list(self._exchange())], pitch=0.4
-            )
+        arm, goals, kinds = "left", self._over_the_bin(a), BODY
+        if a.arms["arm"] == "right":
+            arm, goals, kinds = "right", self._exchange(), ("neck", "high")
+        yield grasp(arm, "bottle", kinds=kinds, goals=[list(goals)], pitch=0.4)
 
     def finish(self, a: Actor) -> Skills:
         if a.arms["arm"] == "right":
             yield lift("right", 0.10)
-            yield hand_over(
-                "right",
-                "left",
-                self._exchange(),
-                kinds=("low", "side"),
-                goals=[list(self._over_the_bin(a))],
-            )
+            goals = [list(self._over_the_bin(a))]
+            yield hand_over("right", "left", self._exchange(), kinds=("low", "side"), goals=goals)
             yield open_("right")
             yield retreat("right", 0.08)
             yield home("right")

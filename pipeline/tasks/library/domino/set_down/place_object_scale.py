@@ -3,8 +3,6 @@ from pipeline.tasks.contract import (
     Bodies,
     Draw,
     Limit,
-    Placement,
-    Region,
     by_name,
     register,
 )
@@ -23,9 +21,9 @@ class PlaceObjectScale(SetDown):
 
     def layout(self, draw: Draw) -> Bodies:
         side = draw.side()
-        item = Region(x=(side * 0.02, side * 0.25), y=(-0.20, 0.05), yaw=ANY_YAW)
-        yield Placement("object", draw.one_of("mouse", "stapler", "bell"), item)
-        yield draw.place("scale", x=item.x, y=item.y, yaw=ANY_YAW, distances={"object": 0.15})
+        x, y = (side * 0.02, side * 0.25), (-0.20, 0.05)
+        yield draw.place("object", "mouse", "stapler", "bell", x=x, y=y, yaw=ANY_YAW)
+        yield draw.place("scale", x=x, y=y, yaw=ANY_YAW, distances={"object": 0.15})
 
     def success(self, o: Outcome, arms: dict[str, str]) -> dict[str, bool]:
         limit = self.under(o.rules)

@@ -1,6 +1,6 @@
 import numpy as np
 
-from pipeline.tasks.contract import Bodies, Draw, Limit, Placement, Region, by_name, register
+from pipeline.tasks.contract import Bodies, Draw, Limit, by_name, register
 
 from .set_down import SetDown
 
@@ -16,9 +16,9 @@ class PlaceObjectStand(SetDown):
 
     def layout(self, draw: Draw) -> Bodies:
         side = draw.side()
-        kind = draw.one_of("mouse", "stapler", "bell", "rubiks_cube", "toy_car", "remote")
-        item = Region(x=(side * 0.20, side * 0.28), y=(-0.05, 0.05), yaw=(-np.pi / 3, np.pi / 3))
-        yield Placement("object", kind, item)
+        kinds = ("mouse", "stapler", "bell", "rubiks_cube", "toy_car", "remote")
+        x, yaw = (side * 0.20, side * 0.28), (-np.pi / 3, np.pi / 3)
+        yield draw.place("object", *kinds, x=x, y=(-0.05, 0.05), yaw=yaw)
         yield draw.place(
             "stand",
             "display_stand",

@@ -37,20 +37,16 @@ class PlaceShoe(SetDown):
             yaw=(-np.pi, np.pi),
             away_from_origin=0.25,
         )
-        yield Placement(
-            "mat",
-            draw.one_of("mat", half=self.sizes["mat"].under(draw.rules)),
-            Region(x=(-0.20, 0.20), y=(-0.15, -0.05)),
-        )
+        mat = draw.one_of("mat", half=self.sizes["mat"].under(draw.rules))
+        yield Placement("mat", mat, Region(x=(-0.20, 0.20), y=(-0.15, -0.05)))
 
     def meet(self, a: Actor) -> Skills:
         return set_down_on(a, a.arms["arm"], "shoe", compose(a.frame("mat", "centre"), TO_THE_LEFT))
 
     def success(self, o: Outcome, arms: dict[str, str]) -> dict[str, bool]:
         limit = self.under(o.rules)
-        x, y, z, w, _, _, s = compose(
-            inverse(compose(o.frame("mat", "centre"), TO_THE_LEFT)), o.frame("shoe", "base")
-        )
+        goal = compose(o.frame("mat", "centre"), TO_THE_LEFT)
+        x, y, z, w, _, _, s = compose(inverse(goal), o.frame("shoe", "base"))
         return {
             "centred": within((x, y), (limit["along"], limit["across"])),
             "at_height": within(z, limit["height"]),
