@@ -142,10 +142,8 @@ class Actor:
     def planning_scene(self) -> PlanningScene:
         """Arms as commanded and expected, bodies as measured but for those in another."""
         now = self.planner.split(self.simulation.command)
-        arms = {
-            s: ArmState(q.copy(), value, np.array(self.expected.get(s, q)))
-            for s, (q, value) in now.items()
-        }
+        expected = {s: np.array(self.expected.get(s, q)) for s, (q, _) in now.items()}
+        arms = {s: ArmState(q.copy(), value, expected[s]) for s, (q, value) in now.items()}
         carried = {
             name: Carried(side, self.collision(name), self.in_hand(side))
             for side, name in self.held.items()
@@ -187,9 +185,8 @@ class Actor:
     @property
     def skills(self) -> list[SkillRun]:
         """The runs of skills that executed a step, in order of their begin."""
-        ended = [
-            replace(run, end=self.simulation.steps) if run.end < 0 else run for run in self._runs
-        ]
+        now = self.simulation.steps
+        ended = [replace(run, end=now) if run.end < 0 else run for run in self._runs]
         return [run for run in ended if run.start < run.end]
 
     def log(self) -> StateLog:
@@ -252,9 +249,8 @@ class Actor:
         self.stream.commands.append(command)
         self.stream.velocities.append(velocity)
         for one, other, force in self.simulation.overloads():
-            raise PlanFailure(
-                "excess_force", f"{one} and {other} press on each other with {force:.0f} N"
-            )
+            why = f"{one} and {other} press on each other with {force:.0f} N"
+            raise PlanFailure("excess_force", why)
         if self.sweeping and self.simulation.steps % SWEEP_EVERY == 0:
             self.sweep.append(self.simulation.poses())
 

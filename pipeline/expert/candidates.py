@@ -84,9 +84,8 @@ def find_candidates(
     for goal in options.goals:
         ok &= _reaches_one(arm, local, np.asarray(goal), ok)
     if not ok.any():
-        raise PlanFailure(
-            "grasp_unreachable", f"no grasp of {name} is in reach of the {arm.side} arm"
-        )
+        why = f"no grasp of {name} is in reach of the {arm.side} arm"
+        raise PlanFailure("grasp_unreachable", why)
     x_axis = quat_rotate(tcp[:, 3:], np.array([1.0, 0.0, 0.0]))
     pitch = np.arcsin(np.clip(-x_axis[:, 2], -1, 1))
     room = np.minimum(limit_margin(arm.chain, q), GRASP.limit_margin)
@@ -114,15 +113,12 @@ def _fitting(
 ) -> tuple[list[Grasp], Floats, float]:
     """Grasps that fit between the jaws, their tcp poses (N,7), the largest width (m)."""
     opening = arm.planner.embodiment.arms[arm.side].gripper.max_opening - GRASP.spare_opening
-    grasps = [
-        g
-        for g in annotated
-        if g.width <= opening and (options.kinds is None or g.kind in options.kinds)
-    ]
+    kinds = options.kinds
+    fitting = (g for g in annotated if g.width <= opening)
+    grasps = [g for g in fitting if kinds is None or g.kind in kinds]
     if not grasps:
-        raise PlanFailure(
-            "no_grasp", f"{name} offers no grasp of kind {options.kinds} under {opening:.3f} m"
-        )
+        why = f"{name} offers no grasp of kind {kinds} under {opening:.3f} m"
+        raise PlanFailure("no_grasp", why)
     tcps = np.stack([p for g in grasps for p in (g.pose, compose(g.pose, _ROLLED))])
     return grasps, tcps, opening
 

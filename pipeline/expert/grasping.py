@@ -59,12 +59,12 @@ class GraspChoice:
 
     def lines(self) -> dict[int, Floats]:
         """By candidate, cheapest first: joints (K,n) straight in from the standoff."""
-        lines = {i: self.arm.line(self.found.q[i], self.found.tcp[i]) for i in self.found.order}
-        return {
-            i: line
-            for i, line in lines.items()
-            if line is not None and self.risen(i, line) is not None
-        }
+        lines = dict[int, Floats]()
+        for i in self.found.order:
+            line = self.arm.line(self.found.q[i], self.found.tcp[i])
+            if line is not None and self.risen(i, line) is not None:
+                lines[i] = line
+        return lines
 
     def risen(self, i: int, line: Floats) -> Floats | None:
         """Joints (n,) when the hand has risen straight up from the grasp, or None."""
@@ -186,17 +186,10 @@ def _plan(actor: Actor, arm: ArmPlanner, name: str, body: Pose, options: GraspOp
         else:
             table = arm.bare().checker(jaws=jaws, hands=MARGINS.hands)
             ending = ending_clear(line, table, 1 - GRASP.short / options.standoff)
-            return GraspPlan(
-                found.grasps[i // 2],
-                jaws,
-                found.tcp[i],
-                to_standoff,
-                line if ending is None else ending,
-            )
-    raise PlanFailure(
-        "grasp_blocked" if lines else "grasp_unreachable",
-        f"no grasp of {name} can be reached by the {arm.side} arm without touching something",
-    )
+            last = line if ending is None else ending
+            return GraspPlan(found.grasps[i // 2], jaws, found.tcp[i], to_standoff, last)
+    why = f"the {arm.side} arm reaches no grasp of {name} without touching something"
+    raise PlanFailure("grasp_blocked" if lines else "grasp_unreachable", why)
 
 
 def _checks(arm: ArmPlanner, near: Sequence[tuple[str, str]], jaws: float, hands: float) -> _Checks:

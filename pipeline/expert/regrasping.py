@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -112,22 +113,16 @@ def _free_places(a: Actor, side: str, name: str) -> Floats:
     sign = 1 if side == "right" else -1
     turns = 2 * np.pi / SEAT.turns * np.arange(SEAT.turns)
     box = a.bodies[name].instance.shape().aabb()
-    others = [
-        (a.pose(n), b.instance.shape().aabb())
-        for n, b in a.bodies.items()
-        if n != name and not b.rides
-    ]
-    places = [
-        yawed((sign * x, y, TABLE_TOP), turn) for x in SEAT.xs for y in SEAT.ys for turn in turns
-    ]
-    return np.array(
-        [p for p in places if all(apart((p, box), other, SEAT.gap) for other in others)]
-    ).reshape(-1, 7)
+    standing = (b for n, b in a.bodies.items() if n != name and not b.rides)
+    others = [(a.pose(b.name), b.instance.shape().aabb()) for b in standing]
+    spots = product(SEAT.xs, SEAT.ys, turns)
+    places = (yawed((sign * x, y, TABLE_TOP), turn) for x, y, turn in spots)
+    free = [p for p in places if all(apart((p, box), other, SEAT.gap) for other in others)]
+    return np.array(free).reshape(-1, 7)
 
 
 def _reached(arm: ArmPlanner, bodies: Floats, local: Floats) -> NDArray[np.int64]:
     """How many of the tcp poses `local` are in reach for each body pose (B,7)."""
     some = local[:: max(1, len(local) // SEAT.grasps)]
-    return np.array(
-        [int(arm.solve(compose(body[None], some))[1].sum()) for body in bodies], dtype=np.int64
-    )
+    counts = [int(arm.solve(compose(body[None], some))[1].sum()) for body in bodies]
+    return np.array(counts, np.int64)

@@ -53,10 +53,8 @@ def carried_along(
         joints = arms[side]
         off = planner.fk(side, moved[met, joints])[:3] - planner.fk(side, goals[met, joints])[:3]
         if (miss := float(np.linalg.norm(off))) > CLOSE:
-            raise PlanFailure(
-                "track_unreachable",
-                f"the {side} hand is {1e3 * miss:.0f} mm late: the target turns too sharply",
-            )
+            late = f"{1e3 * miss:.0f} mm late: the target turns too sharply"
+            raise PlanFailure("track_unreachable", f"the {side} hand is {late}")
         found[:, joints], found_speeds[:, joints] = moved[:, joints], speeds[:, joints]
     rows = found[run.start :: LIMITS.checked_every]
     left, right = (rows[:, arms[side]] if side in arms else NO_ARM for side in SIDES)
@@ -88,9 +86,8 @@ def _shifts(
         goal[:3] += part * (transform(pose, at_touch) - touch)
         solved, ok = ik_many(planner.chains[side], goal[None], (q[row] + shift)[None], SAME_BRANCH)
         if not ok[0]:
-            raise PlanFailure(
-                "track_unreachable", f"the {side} arm cannot move along with the target"
-            )
+            why = f"the {side} arm cannot move along with the target"
+            raise PlanFailure("track_unreachable", why)
         shift = solved[0] - q[row]
         shifts.append(shift)
     return CubicSpline(knots, np.array(shifts), bc_type="clamped")(np.arange(start, len(q)))

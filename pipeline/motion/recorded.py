@@ -210,11 +210,8 @@ def physics_arrays(
 
 
 def conditions_of(arrays: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[np.bool_]]:
-    return {
-        key.removeprefix(CONDITIONS): values
-        for key, values in arrays.items()
-        if key.startswith(CONDITIONS)
-    }
+    names = (key for key in arrays if key.startswith(CONDITIONS))
+    return {name.removeprefix(CONDITIONS): arrays[name] for name in names}
 
 
 SECONDS = 0.5  # s before the first touch that are looked at

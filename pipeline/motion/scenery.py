@@ -56,10 +56,8 @@ def flat(
 def hood(half_length: float, half_width: float, height: float) -> tuple[Piece, ...]:
     """A tunnel along x, `half_width` and `height` (m) inside, with curtains."""
     wall = 0.002
-    walls = [
-        Piece("box", (half_length, wall, height / 2), pose((0, y, height / 2)), HOOD)
-        for y in (half_width + wall, -half_width - wall)
-    ]
+    sides = (pose((0, y, height / 2)) for y in (half_width + wall, -half_width - wall))
+    walls = [Piece("box", (half_length, wall, height / 2), side, HOOD) for side in sides]
     roof = Piece("box", (half_length, half_width + 2 * wall, wall), pose((0, 0, height)), HOOD)
     strips = max(4, round(half_width / 0.006))
     wide, curtains = half_width / strips, list[Piece]()

@@ -175,10 +175,8 @@ class Changed(Wrapped):
         return np.unique(np.concatenate([self.base.breakpoints(), times]))
 
     def scenery(self) -> tuple[Prop, ...]:
-        return tuple(
-            replace(prop, pose=lambda t, prop=prop: prop.pose(self._clock(t)[0]))
-            for prop in self.base.scenery()
-        )
+        clocks = ((p, lambda t, p=p: p.pose(self._clock(t)[0])) for p in self.base.scenery())
+        return tuple(replace(prop, pose=pose) for prop, pose in clocks)
 
     def to_json(self) -> str:
         values: dict[str, Any] = json.loads(self.base.to_json())

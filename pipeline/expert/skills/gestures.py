@@ -92,9 +92,8 @@ def _pour_costs(a: Actor, side: str, hold: Pose, bodies: Floats) -> Floats:
     stream = (box[1, 0] - POUR.rim) * low[:, None] + (box[1, 2] + s) * [0, 0, 1] + fallen
     points = transform(inverse(hold), stream.reshape(-1, 3)).reshape(len(bodies), -1, 1, 3)
     pieces = hand_boxes(a.planner.embodiment.arms[side])
-    apart = np.linalg.norm(
-        np.maximum(np.maximum(pieces[:, 0] - points, points - pieces[:, 1]), 0), axis=-1
-    ).min((1, 2))
+    outside = np.maximum(pieces[:, 0] - points, points - pieces[:, 1])
+    apart = np.linalg.norm(np.maximum(outside, 0), axis=-1).min((1, 2))
     lever = np.abs(low @ np.cross(box.mean(0) - hold[:3], quat_rotate(hold[3:], [0, 1.0, 0])))
     missing = np.maximum(0, POUR.room - apart)
     return (
@@ -117,9 +116,8 @@ def turn(
     """Turn the hand about an axis of its tcp frame by `angle` rad while it rises by `rise` m.
     `speed` multiplies the joint speed limits."""
     arm, start = a.arm_planner(side), a.tcp(side)
-    goal = np.concatenate(
-        [start[:3] + np.array([0, 0, rise]), quat_multiply(start[3:], quat_about(axis, angle))]
-    )
+    turned = quat_multiply(start[3:], quat_about(axis, angle))
+    goal = np.concatenate([start[:3] + np.array([0, 0, rise]), turned])
     path = arm.line(arm.q, goal)
     if path is None or not arm.apart()(path):
         raise PlanFailure("turn_unreachable", f"the {side} wrist cannot turn that far")

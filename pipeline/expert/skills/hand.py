@@ -101,8 +101,5 @@ def _pieces(arm: Arm, names: Iterable[str]) -> list[Floats]:
     links = {link.name: link for link in arm.links}
     at = arm_poses(arm, arm.home, 0.0)
     tcp = inverse(compose(at[arm.hand], arm.tcp))
-    return [
-        transform(compose(tcp, at[name]), c.support_points())
-        for name in names
-        for c in links[name].collision
-    ]
+    pieces = ((compose(tcp, at[name]), c) for name in names for c in links[name].collision)
+    return [transform(place, piece.support_points()) for place, piece in pieces]

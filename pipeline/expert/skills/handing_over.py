@@ -87,6 +87,5 @@ def _meeting_point(
             return arm.free_trajectory(q[i], free)
         except PlanFailure:
             continue
-    raise PlanFailure(
-        "handover_blocked", f"the {receiver} arm cannot take it over at any of {len(found)} places"
-    )
+    why = f"the {receiver} arm cannot take it over at any of {len(found)} places"
+    raise PlanFailure("handover_blocked", why)

@@ -22,9 +22,8 @@ _STEP_OFF_DIRECTIONS = ((0, 0, 1), (0, -1, 0), (1, 0, 0), (-1, 0, 0), (0, 1, 0))
 def move(a: Actor, side: str, poses: ArrayLike, *, speed: float = 1.0) -> Steps:
     """Bring the tcp to the first of `poses` (N,7) or (7,) that can be reached without touching
     anything. `speed` multiplies the joint speed limits."""
-    yield {
-        side: reach(a.arm_planner(side), np.atleast_2d(np.asarray(poses, float)), speed_scale=speed)
-    }
+    goals = np.atleast_2d(np.asarray(poses, float))
+    yield {side: reach(a.arm_planner(side), goals, speed_scale=speed)}
 
 
 @skill()

@@ -194,9 +194,9 @@ def _fingertip_poses(spot: Pose, pitches: Sequence[float], tip: float) -> Floats
     poses = []
     for pitch in pitches:
         for azimuth in np.arange(0, 2 * np.pi, 2 * np.pi / PRESS.azimuths):
-            approach = np.array(
-                [np.cos(azimuth) * np.cos(pitch), np.sin(azimuth) * np.cos(pitch), -np.sin(pitch)]
-            )
+            level = np.cos(pitch)
+            approach = [np.cos(azimuth) * level, np.sin(azimuth) * level, -np.sin(pitch)]
+            approach = np.array(approach)
             for sign in (1, -1):
                 across = sign * np.array([-np.sin(azimuth), np.cos(azimuth), 0])
                 poses.append(frame(spot[:3] - tip * approach, approach, across))

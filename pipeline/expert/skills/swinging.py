@@ -103,9 +103,8 @@ def _swung(a: Actor, side: str, swing: _Swing, times: int, speed_scale: float) -
     yield {side: a.arm_planner(side).timed(swing.out, speed_scale=speed_scale)}
     for goal in (*(swing.ends[1 - k % 2] for k in range(times)), swing.middle):
         arm = a.arm_planner(side)
-        yield {
-            side: arm.line_trajectory(goal, metres_per_second=SPEEDS.swing, speed_scale=speed_scale)
-        }
+        speeds = {"metres_per_second": SPEEDS.swing, "speed_scale": speed_scale}
+        yield {side: arm.line_trajectory(goal, **speeds)}
 
 
 def _shake_axes(hand: Pose, angle: float) -> Iterator[Floats]:
@@ -114,9 +113,8 @@ def _shake_axes(hand: Pose, angle: float) -> Iterator[Floats]:
     for slope, turns in product(SWING.slopes, SWING.quarter_turns):
         if 2 * np.arcsin(np.sin(angle / 2) * np.cos(slope)) >= SWING.least_angle:
             heading = np.arctan2(y, x) + turns * np.pi / 4
-            yield np.array(
-                [np.cos(heading) * np.cos(slope), np.sin(heading) * np.cos(slope), np.sin(slope)]
-            )
+            level = np.cos(slope)
+            yield np.array([np.cos(heading) * level, np.sin(heading) * level, np.sin(slope)])
 
 
 def _turned(hand: Pose, axis: ArrayLike, angle: float) -> Pose:
@@ -126,11 +124,8 @@ def _turned(hand: Pose, axis: ArrayLike, angle: float) -> Pose:
 def _nearby(arm: ArmPlanner, start: Pose) -> list[tuple[Pose, Floats]]:
     """Hand poses near (7,), as upright as it is, with joints that reach them."""
     heights, offsets = SWING.near_heights, SWING.near_offsets
-    poses = np.array(
-        [
-            _turned(start + np.array([dx, dy, dz, 0, 0, 0, 0]), (0, 0, 1), yaw)
-            for dz, dx, dy, yaw in [*product(heights, offsets, offsets, SWING.near_turns)][1:]
-        ]
-    )
+    ways = [*product(heights, offsets, offsets, SWING.near_turns)][1:]
+    near = ((start + np.array([x, y, z, 0, 0, 0, 0]), yaw) for z, x, y, yaw in ways)
+    poses = np.array([_turned(place, (0, 0, 1), yaw) for place, yaw in near])
     q, ok = arm.solve(poses)
     return [(poses[i], q[i]) for i in np.flatnonzero(ok)]

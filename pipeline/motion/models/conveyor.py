@@ -65,10 +65,8 @@ class Conveyor(Along):
         slat = flat("box", (0.003, self.width / 2), SHEET + 0.0008, SLAT)
         last = max(last, float(self.pace.advance(np.array(self.duration + AFTER))))
         places = np.arange(ends[0] - last, ends[1] - first, GAP).tolist()
-        moving = [
-            Prop(f"slat_{k + 1}", (slat,), partial(self._slat, ends, place))
-            for k, place in enumerate(places)
-        ]
+        paths = (partial(self._slat, ends, place) for place in places)
+        moving = [Prop(f"slat_{k}", (slat,), path) for k, path in enumerate(paths, 1)]
         return (Prop("belt", (band, *rails), standing(middle)), *moving)
 
     def _slat(self, ends: tuple[float, float], place: float, t: ArrayLike) -> Floats:

@@ -73,10 +73,9 @@ class Pendulum(ClosedForm):
         up = self.length - self.top
         ring = Piece("box", (0.031, 0.003, 0.003), pose((0, 0, -up)), STEEL)
         beam = Piece("box", (0.05, 0.008, 0.006), pose((0, 0, 0.006)), STEEL)
-        return (
-            Prop("hook", (beam,), standing(pose(self._pivot))),
-            Prop("cord", (rod((0, 0, 0), (0, 0, -up), 0.0015, CORD), ring), self._hung),
-        )
+        cord = rod((0, 0, 0), (0, 0, -up), 0.0015, CORD)
+        hook = Prop("hook", (beam,), standing(pose(self._pivot)))
+        return (hook, Prop("cord", (cord, ring), self._hung))
 
     def _hung(self, t: ArrayLike) -> Floats:
         angle = self._angle(np.maximum(np.asarray(t, float), -self.lead))

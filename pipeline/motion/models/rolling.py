@@ -167,14 +167,11 @@ class ReboundModel(ClosedFormModel[Rebound]):
             gap = radius if strikes else radius + BESIDE
             n = np.array([np.cos(normal), np.sin(normal)])
             x, y = (end - (bounce if strikes else way / 2) * h - gap * n).tolist()
-            path: dict[str, Any] = {
-                "heading": heading,
-                "incoming": incoming,
-                "bounce": bounce,
-                "line": line,
-            }
+            path: dict[str, Any] = {"heading": heading, "incoming": incoming, "line": line}
             wall = (x, y, float(normal))
-            yield Rebound(**common(asked), pace=pace, radius=radius, wall=wall, **path)
+            yield Rebound(
+                **common(asked), pace=pace, radius=radius, bounce=bounce, wall=wall, **path
+            )
 
 
 def _slowed(asked: MotionRequest, rng: np.random.Generator) -> Pace:

@@ -128,13 +128,8 @@ def lit_by(visuals: Visuals, radiance: NDArray[np.float32]) -> Visuals:
     ambient = np.maximum(ambient, 0)
     scale = BRIGHTNESS / (ambient + sun * way[2]).mean()
     x, y, z = (-way).round(6).tolist()
-    return replace(
-        visuals,
-        ambient=_color(ambient * scale),
-        sun=_color(sun * scale),
-        sun_direction=(x, y, z),
-        points=(),
-    )
+    lights = {"ambient": _color(ambient * scale), "sun": _color(sun * scale)}
+    return replace(visuals, **lights, sun_direction=(x, y, z), points=())
 
 
 def _directions(height: int, width: int) -> tuple[Floats, Floats]:

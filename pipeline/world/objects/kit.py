@@ -93,11 +93,11 @@ def drawn(how: Callable[[Generator, Any], Any], **notes: Any) -> Any:
 
 def between(low: float, high: float, of: str = "", size: tuple[str, str, str] | None = None) -> Any:
     """A number between bounds, times the parameter `of`; `size` names its thirds."""
-    return drawn(
-        lambda rng, so_far: rng.uniform(low, high) * (getattr(so_far, of) if of else 1.0),
-        range=(low, high),
-        size=size,
-    )
+
+    def how(rng: Generator, so_far: Any) -> float:
+        return rng.uniform(low, high) * (getattr(so_far, of) if of else 1.0)
+
+    return drawn(how, range=(low, high), size=size)
 
 
 def one_of(

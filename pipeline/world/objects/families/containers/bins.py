@@ -147,10 +147,8 @@ class BreadBasket(Parametric):
 
     def frames(self) -> NamedFrames:
         hx, hy, hz = 0.5 * self.hx, WALL / 2, self.height / 2
-        front, back = (
-            box_pinches(hx, hy, hz, (0, y, hz), axes="y", kind="rim")
-            for y in (self.hy - hy, hy - self.hy)
-        )
+        places = ((0, y, hz) for y in (self.hy - hy, hy - self.hy))
+        front, back = (box_pinches(hx, hy, hz, at, axes="y", kind="rim") for at in places)
         return hollow(self.height, WALL, front + back)
 
 

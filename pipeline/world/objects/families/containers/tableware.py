@@ -1,6 +1,6 @@
 """Hollow round things of a table: bowl, plate, cup, mug; a cup upside down, and a lid."""
 
-from itertools import pairwise
+from itertools import chain, pairwise
 
 import numpy as np
 
@@ -54,14 +54,12 @@ class Bowl(Parametric):
         floor = (outer[0][0] * 0.85, 0.005 + WALL)
         outside = revolve([(0, 0), (self.foot, 0), *outer, *lip], 32, crease=50)
         inside = revolve([*lip, *inner, floor, (0, 0.005 + WALL)], 32, crease=50)
-        tiers = tuple(
-            c
-            for (r0, z0), (r1, z1) in pairwise(outer)
-            for c in ring_of_boxes(r0, WALL, z1 - z0, 14, z=z0, top=r1)
-        )
+        tiers = [disc(self.foot, 0.005 + WALL)]
+        for (r0, z0), (r1, z1) in pairwise(outer):
+            tiers.append(ring_of_boxes(r0, WALL, z1 - z0, 14, z=z0, top=r1))
         return Shape(
             ((outside, glaze(self.colour)), (inside, glaze(self.inside))),
-            disc(self.foot, 0.005 + WALL) + tiers,
+            tuple(chain(*tiers)),
             mass=2300 * WALL * np.pi * (self.foot**2 + (self.foot + self.radius) * self.height),
             friction=0.5,
         )

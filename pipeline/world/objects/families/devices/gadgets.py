@@ -88,10 +88,8 @@ class Fan(Parametric):
         return standing(self.height, grasps, front=mark(0, -self.half, z, (0, -1, 0), (1, 0, 0)))
 
     def facts(self) -> dict[str, str]:
-        return super().facts() | {
-            "blade": self.blade_colour,
-            "blades": ("three", "four", "five")[self.blades - 3],
-        }
+        blades = ("three", "four", "five")[self.blades - 3]
+        return super().facts() | {"blade": self.blade_colour, "blades": blades}
 
 
 def _turn(angle: float) -> np.ndarray:

@@ -76,10 +76,8 @@ class TeaBox(Parametric):
         code = printed(print_texture("white", "black", "qr", "", self.seed), 0.6)
         size, out = 0.8 * min(hx, hy), 0.0004
         places = (0, -hy - out), (hx + out, 0), (0, hy + out), (-hx - out, 0)
-        codes = [
-            (decal(size, size, (x, y, self.code_height), upright(k)), code)
-            for k, (x, y) in enumerate(places)
-        ]
+        sides = ((x, y, self.code_height) for x, y in places)
+        codes = [(decal(size, size, at, upright(k)), code) for k, at in enumerate(sides)]
         body = carton((hx, hy, hz), self.colour, self.ink, self.style, "TEA", self.seed)
         pieces = slab(hx, hy, self.height)
         return Shape((body, *codes), pieces, mass=0.12, friction=0.5)

@@ -90,10 +90,8 @@ class Bread(Parametric):
         turn = quat_about((0, 0, 1), 0.5 if self.form == "baguette" else 0.0)
         places = [(k - (count - 1) / 2) * 0.72 * self.length / count for k in range(count)]
         sag = 0.0 if is_loaf else 0.35
-        return [
-            at(cut, (x, 0, self.height * (1 - sag * (2 * x / self.length) ** 2) - 0.0025), turn)
-            for x in places
-        ]
+        tops = (self.height * (1 - sag * (2 * x / self.length) ** 2) - 0.0025 for x in places)
+        return [at(cut, (x, 0, z), turn) for x, z in zip(places, tops, strict=True)]
 
     def _seeds(self) -> list[Mesh]:
         rng = np.random.Generator(np.random.Philox(self.seed))
@@ -108,9 +106,8 @@ class Bread(Parametric):
         heights = max(0.4 * self.height, 0.014), 0.022
         offsets = (-0.3, 0.0, 0.3) if self.form == "loaf" else (0.0,)
         axes = "xy" if self.form in ("bun", "roll") else "y"
-        return standing(
-            self.height, box_pinches(*half, heights=heights, offsets=offsets, axes=axes)
-        )
+        grasps = box_pinches(*half, heights=heights, offsets=offsets, axes=axes)
+        return standing(self.height, grasps)
 
     def facts(self) -> dict[str, str]:
         return super().facts() | {

@@ -90,10 +90,8 @@ class Mat(Parametric):
         inner = extrude(rounded_rectangle(hx - 0.008, hy - 0.008, 0.004, 2), 0.0006)
         size = (2 * hx - 0.016, 2 * hy - 0.016)
         inner = seen_along(at(inner, (0, 0, t - 0.0002)), np.eye(2, 3), size)
-        visual = (
-            (edge, fabric(self.border)),
-            (inner, wrapped("runner", self.colour, self.seed, 0.95, 256)),
-        )
+        skin = wrapped("runner", self.colour, self.seed, 0.95, 256)
+        visual = (edge, fabric(self.border)), (inner, skin)
         return Shape(visual, slab(hx, hy, t), mass=600 * 4 * hx * hy * t, friction=0.9)
 
     def frames(self) -> NamedFrames:

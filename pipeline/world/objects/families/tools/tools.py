@@ -237,19 +237,13 @@ class Stapler(Parametric):
     def shape(self) -> Shape:
         a, w, roof = self.length / 2, self.half, self._roof(0)
         top = self.gape + 0.014
-        rail = [
-            (-0.6 * a, 0.015),
-            (0.93 * a, 0.009 + self.gape),
-            (0.93 * a, top),
-            (-0.6 * a, 0.022),
-        ]
+        end = 0.93 * a
+        rail = [(-0.6 * a, 0.015), (end, 0.009 + self.gape), (end, top), (-0.6 * a, 0.022)]
         grip = (0.45 * a, 0, self._roof(0.45 * a) - 0.0008)
         brand = print_texture(self.colour, self.trim, "label", BRANDS[round(a * 1e5) % len(BRANDS)])
         size, out = (0.5 * a, 0.35 * roof), 0.92 * w + 0.0004
-        names = [
-            decal(*size, (0, s * out, 0.62 * roof), quat_from_rpy(np.pi / 2, 0, turn))
-            for s, turn in ((-1, 0.0), (1, np.pi))
-        ]
+        turns = ((s, quat_from_rpy(np.pi / 2, 0, yaw)) for s, yaw in ((-1, 0.0), (1, np.pi)))
+        names = [decal(*size, (0, s * out, 0.62 * roof), turn) for s, turn in turns]
         return Shape(
             (
                 *((name, printed(brand)) for name in names),
