@@ -26,9 +26,8 @@ _MODULES = {
     "tunnel": "tunnel twice",
     "turntable": "shuffle turntable",
 } | {name: name for name in ("handed", "pendulum", "planar", "pushed", "ramp")}
-MODELS: Registry[MotionModel] = Registry(
-    "motion", {n: f"{__name__}.{m}" for m, names in _MODULES.items() for n in names.split()}
-)
+_PLACES = ((n, f"{__name__}.{module}") for module, names in _MODULES.items() for n in names.split())
+MODELS: Registry[MotionModel] = Registry("motion", dict(sorted(_PLACES)))
 """Models by name; a module of this folder registers its model when that is asked for."""
 
 
