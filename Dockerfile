@@ -1,4 +1,4 @@
-# The core with Mesa's software renderer:  docker build -t domino-data .
+# The core, which draws by itself:         docker build -t domino-data .
 # The same for NVIDIA GPUs:                docker build --target gpu -t domino-data:gpu .
 # With extras:                             docker build --build-arg EXTRAS="--extra ray --extra s3" -t domino-data .
 FROM ghcr.io/astral-sh/uv:0.9 AS uv
@@ -16,7 +16,7 @@ RUN uv sync --frozen --no-cache --no-default-groups --no-editable --python 3.12 
 
 FROM debian:13-slim AS core
 RUN apt-get update \
-    && apt-get install -y --no-install-recommends libgomp1 libvulkan1 libx11-6 mesa-vulkan-drivers \
+    && apt-get install -y --no-install-recommends libgomp1 libx11-6 \
     && rm -rf /var/lib/apt/lists/* \
     && useradd --create-home --home-dir /data --uid 1000 domino
 COPY --from=packages /opt /opt
@@ -32,7 +32,7 @@ CMD ["--help"]
 FROM core AS gpu
 USER root
 RUN apt-get update \
-    && apt-get install -y --no-install-recommends libegl1 libglvnd0 libxext6 \
+    && apt-get install -y --no-install-recommends libegl1 libglvnd0 libvulkan1 libxext6 \
     && rm -rf /var/lib/apt/lists/*
 ENV NVIDIA_VISIBLE_DEVICES=all NVIDIA_DRIVER_CAPABILITIES=all
 USER domino

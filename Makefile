@@ -55,7 +55,7 @@ lint: setup  ## check style, types, words, and which room imports which
 docs: setup  ## make the pages of docs/ a site in out/site; a broken link ends it
 	$(or $(wildcard .tools/bin/uvx),uvx) --with mkdocs-material==9.7.* --from mkdocs==1.6.1 mkdocs build --quiet --strict
 
-core:  ## make .venv from the lock: uv, Python 3.12, what builds and exports datasets, a Vulkan driver
+core:  ## make .venv from the lock: uv, Python 3.12, what builds and exports datasets
 	@scripts/setup.sh core
 
 setup:  ## the same with every extra and what the tests need

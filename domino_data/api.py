@@ -49,7 +49,7 @@ def build(recipe: Wanted, out: Place, *, workers: int = 1, progress: bool = Fals
 
     One worker runs in this process, more run on Ray. Returns counts, such as `accepted` and
     `given_up`. Raises RecipeError for a recipe that cannot be used, DatasetError if `out` holds
-    another recipe's dataset, and NoRenderer without Vulkan.
+    another recipe's dataset, and NoRenderer for `rt` without Vulkan.
     """
     from pipeline.run.build import build as run_build
 

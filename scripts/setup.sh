@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
-# Makes a working environment in .venv on a bare Debian or Ubuntu box: uv, Python 3.12, the locked packages, a Vulkan driver.
-# setup.sh core: what builds, exports and shows datasets; setup.sh all: every extra and what the tests need.
+# Makes a working environment in .venv on a bare Debian or Ubuntu box: uv, Python 3.12, the locked packages.
+# setup.sh core: what builds, exports and shows datasets; setup.sh all: every extra and what the tests need, with a Vulkan driver for older looks.
 # Idempotent; returns at once when .venv was made from the present lock. `core` leaves an environment that holds all as large as it is. Nothing outside the repository is touched except
-# system packages (apt) where no Vulkan device works, and uv's own cache.
+# system packages (apt) that are missing, and uv's own cache.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
@@ -76,7 +76,7 @@ find_python() {
 python_by_uv() { "$UV" python install 3.12 >&2 && find_python; }
 python_by_apt() { apt-cache show python3.12 >/dev/null 2>&1 && apt_install python3.12 && find_python; }
 
-# ---- system libraries and Vulkan
+# ---- system libraries, and Vulkan, which only older looks and --render rt need
 
 # bytecode is written here once, so that later processes start quickly where PYTHONDONTWRITEBYTECODE is set
 loads() {
@@ -146,11 +146,11 @@ if ! loads 2>/dev/null; then
     { as_root apt-get update >&2 && apt_install libgomp1 libx11-6 libstdc++6; } || say "apt-get needs root, or failed"
     loads >&2 || die "a package does not load (see above): install the library it names, then run this again"
 fi
-if ! renders; then
+if [ "$PROFILE" = all ] && ! renders; then
     say "SAPIEN finds no Vulkan device: installing Mesa lavapipe"
     install_mesa || say "Mesa could not be installed"
     if ! renders; then
-        say "WARNING: no Vulkan device works, so nothing can be rendered; SAPIEN says:"
+        say "WARNING: no Vulkan device works, so older looks and --render rt cannot be drawn; SAPIEN says:"
         .venv/bin/python -c 'import sapien; sapien.render.RenderSystem()' 2>&1 | tail -n 2 >&2 || true
         exit 0  # no stamp: the next run tries again
     fi

@@ -20,7 +20,7 @@ from pipeline.data.slots.reread import IndexWriter
 from pipeline.data.store.place import with_urls
 from pipeline.planning.warm import warm_up
 from pipeline.report.page import refresh
-from pipeline.world.drawing.vulkan import ensure_renderer
+from pipeline.world.drawing.renderer import device_of
 
 from .compile_ahead import compiling_ahead, is_compiled
 from .identity.slot_keys import code_version
@@ -56,7 +56,7 @@ def build(
     """Build the dataset, or resume its build. An attempt longer than `timeout` s counts as hung.
     Raises DatasetError, PolicyError, Busy, NoRenderer, CrewError.
     """
-    device, dataset = ensure_renderer(), Dataset(root)
+    device, dataset = device_of(recipe.render), Dataset(root)
     with _alone(dataset, recipe, crew):
         try:
             todo, lost = _build(dataset, recipe, crew, timeout, shown)
@@ -89,7 +89,7 @@ def _build(
     with IndexWriter(dataset, recipe) as index:
         todo = missing(dataset, recipe, index)
         jobs = slot_jobs(dataset, recipe, todo)
-        check = NodeCheck(str(dataset.root.resolve()), code_version())
+        check = NodeCheck(str(dataset.root.resolve()), code_version(), recipe.render)
         with (
             _progress(dataset, recipe, jobs, crew, shown) as progress,
             closing(run(slot_worker, jobs, crew, timeout, check, progress.count_lost)) as ends,

@@ -20,7 +20,7 @@ from pipeline.data.recipe.model import Cell, Recipe, Slot
 from pipeline.data.slots.files import Listing
 from pipeline.planning.warm import warm_up
 from pipeline.tasks import TASKS
-from pipeline.world.drawing.vulkan import ensure_renderer
+from pipeline.world.drawing.renderer import device_of
 
 from .slot.fill import FillJob, fill_slot
 from .state import PHYSICS, redo_rows, redone
@@ -131,7 +131,7 @@ def cost_of(dataset: Dataset | None, recipe: Recipe) -> EpisodeCost:
 
 def measure(recipe: Recipe) -> EpisodeCost:
     """Measure a few episodes in a temporary directory. Raises NoRenderer."""
-    ensure_renderer()
+    device_of(recipe.render)
     recipe = recipe.model_copy(update={"variants": 1})
     cells = [cell for cell, count in recipe.counts().items() if count]
     picked = [cells[int(i)] for i in np.linspace(0, len(cells) - 1, MEASURED).round()]

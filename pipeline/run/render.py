@@ -14,13 +14,14 @@ from pipeline.crew.loop import run
 from pipeline.data.atomic import exclusive, sweep
 from pipeline.data.dataset import Dataset, DatasetError
 from pipeline.data.episode.file import EpisodeError, EpisodeFile
+from pipeline.data.episode.visuals import LOOK
 from pipeline.data.recipe.model import Recipe, Slot, parse_recipe
 from pipeline.data.slots.assets import AssetStore
 from pipeline.data.slots.records import SlotRecord
 from pipeline.data.slots.reread import IndexWriter
 from pipeline.report.page import refresh
 from pipeline.world.cameras import CameraError, check_links, wanted_cameras
-from pipeline.world.drawing.vulkan import ensure_renderer
+from pipeline.world.drawing.renderer import device_of
 
 from .identity.slot_keys import code_version, redrawn_keys
 from .provenance import write_provenance
@@ -71,15 +72,16 @@ def render(
     source.check_seal()
     held = source.recipe()
     recipe = parse_recipe(held.model_dump() | changes, "options", flags)
-    _check_cameras(source, held, recipe)
-    device = ensure_renderer()
+    oldest = _check_cameras(source, held, recipe)
+    look = oldest if origin_of(held, recipe, next(iter(held.slots())))[1] else LOOK
+    device = device_of(recipe.render, look)
     out.create(recipe)
     with exclusive(out.root):
         sweep(out.root)
         try:
             with IndexWriter(out, recipe) as writer:
                 work = work_of(source, out, recipe, recipe.slots(), writer.catch_up())
-                problems = draw_all(work, writer, crew, IMAGE_SECONDS, quiet)
+                problems = draw_all(work, writer, crew, IMAGE_SECONDS, quiet, look)
         finally:
             out.write_attempts(recipe)
             write_provenance(out, device, recipe, drawn_from=_provenance(source))
@@ -102,9 +104,9 @@ def _provenance(source: Dataset) -> dict[str, Any]:
         return {}
 
 
-def _check_cameras(source: Dataset, held: Recipe, recipe: Recipe) -> None:
-    """Try the cameras on each task's and robot's first episode."""
-    seen = set()
+def _check_cameras(source: Dataset, held: Recipe, recipe: Recipe) -> int:
+    """Try the cameras on each task's and robot's first episode; returns their oldest look."""
+    seen, looks = set(), [LOOK]
     for slot, record in source.records(held):
         kind = slot.cell.task, slot.cell.embodiment
         if not record.accepted or kind in seen:
@@ -113,6 +115,7 @@ def _check_cameras(source: Dataset, held: Recipe, recipe: Recipe) -> None:
         try:
             with EpisodeFile(path) as file:
                 stored = [info.camera(name) for name, info in file.meta.drawing.cameras.items()]
+                looks.append(file.meta.drawing.visuals.look)
                 log = file.read().log
                 check_links(wanted_cameras(stored, recipe, log.sides), log.bodies)
         except CameraError as error:
@@ -122,6 +125,7 @@ def _check_cameras(source: Dataset, held: Recipe, recipe: Recipe) -> None:
         seen.add(kind)
     if not seen:
         raise DatasetError(f"{source.root} has no finished episodes to draw: build it first")
+    return min(looks)
 
 
 @dataclass(frozen=True)
@@ -162,7 +166,12 @@ def work_of(
 
 
 def draw_all(
-    work: DrawWork, writer: IndexWriter, crew: Crew, timeout: float, quiet: bool = False
+    work: DrawWork,
+    writer: IndexWriter,
+    crew: Crew,
+    timeout: float,
+    quiet: bool = False,
+    look: int = LOOK,
 ) -> list[str]:
     """Draw and record all; returns a line for each failure. Raises CrewError."""
     problems = list[str]()
@@ -173,7 +182,10 @@ def draw_all(
         disable=quiet,
         dynamic_ncols=True,
     )
-    check = NodeCheck(work.jobs[0].out, code_version()) if work.jobs else None
+    check = None
+    if work.jobs:
+        first = work.jobs[0]
+        check = NodeCheck(first.out, code_version(), first.recipe.render, look)
     with bar, closing(run(lambda: draw_slot, deque(work.jobs), crew, timeout, check)) as ends:
         for end in ends:
             match end:

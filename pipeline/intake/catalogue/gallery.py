@@ -45,12 +45,7 @@ def _jaws(grasp: Grasp) -> list[Part]:
     return [(m.moved(grasp.pose), Material((0.1, 0.9, 0.9), 0.9)) for m in (*fingers, *palm)]
 
 
-def portrait(
-    instance: Family,
-    marks: bool = False,
-    size: tuple[int, int] = (320, 240),
-    preset: str = "raster-smooth",
-) -> Image:
+def portrait(instance: Family, marks: bool = False, size: tuple[int, int] = (320, 240)) -> Image:
     """Image (H,W,3) uint8 RGB of an instance, with frames and grasps if `marks`. Raises
     NoRenderer.
     """
@@ -68,7 +63,7 @@ def portrait(
             parts += _jaws(frames.grasps[k])
     at_eye = look(eye, -away, np.cross((0, 0, 1), -away))
     camera = Camera("portrait", CameraType(*size, FIELD_OF_VIEW), None, at_eye)
-    with Renderer({"thing": parts}, (), [camera], CLEAN, preset) as renderer:
+    with Renderer({"thing": parts}, (), [camera], CLEAN) as renderer:
         return renderer.render({"thing": ON_TABLE[None]})[0].rgb[0]
 
 

@@ -12,6 +12,7 @@ from typing import Any, Literal
 
 from pipeline.data.process.machine import usable_cores
 from pipeline.run.provenance import installed_version
+from pipeline.world.drawing.vulkan import DRIVER
 
 
 @dataclass(frozen=True)
@@ -28,26 +29,23 @@ GB = 1e9
 WORKER_BYTES = 0.6 * GB  # resident memory of one worker (docs/cluster.md)
 PATIENCE = 150  # seconds; the first frame on a CPU takes about three, Ray about four
 CV2 = "opencv-python-headless"
-DRIVER = (
-    "install Mesa >= 25: apt install mesa-vulkan-drivers libvulkan1 (Debian 12: -t"
-    " bookworm-backports; old Ubuntu: ppa:kisak/kisak-mesa), dnf install mesa-vulkan-drivers"
-    " vulkan-loader, or pacman -S vulkan-swrast vulkan-icd-loader; or the GPU's own driver (in a"
-    " container: NVIDIA_DRIVER_CAPABILITIES=all)"
-)
-"""How to get a Vulkan driver."""
-
 FRAME = """
 import json, time
-from pipeline.world.drawing.vulkan import ensure_renderer
-device = ensure_renderer()
 import numpy as np
+from pipeline.world.drawing.renderer import device_of
+device = device_of("raster")
 from pipeline.intake.catalogue.gallery import portrait
 from pipeline.world.objects import FAMILIES
 began = time.perf_counter()
 ball = FAMILIES["ball"].draw(np.random.Generator(np.random.Philox(0)))
-image = portrait(ball, size=(160, 120), preset="raster-fast")
+image = portrait(ball, size=(160, 120))
 seconds = time.perf_counter() - began
 print(json.dumps({"device": device, "seconds": seconds, "spread": float(image.std())}))
+"""
+VULKAN = """
+import json
+from pipeline.world.drawing.vulkan import ensure_renderer
+print(json.dumps({"device": ensure_renderer()}))
 """
 RAY = """
 import json, time
@@ -63,7 +61,8 @@ print(json.dumps({"answer": answer, "seconds": time.perf_counter() - began}))
 
 def diagnose(place: Path) -> Iterator[CheckResult]:
     """Examine this machine for datasets at `place` (about 15 s), writing nothing."""
-    yield from judge_frame(attempt(FRAME), gpus())
+    yield judge_frame(attempt(FRAME))
+    yield judge_vulkan(attempt(VULKAN), gpus())
     yield check_cv2(metadata.packages_distributions().get("cv2", ()))
     if installed_version("ray"):
         yield judge_ray(attempt(RAY))
@@ -94,24 +93,29 @@ def gpus(dev: Path = Path("/dev")) -> list[str]:
     return sorted(str(path) for pattern in patterns for path in dev.glob(pattern))
 
 
-def judge_frame(answer: Mapping[str, Any] | str, nodes: Sequence[str]) -> Iterator[CheckResult]:
-    """The Vulkan device and the frame that it drew."""
+def judge_frame(answer: Mapping[str, Any] | str) -> CheckResult:
+    """What drew a frame of the default preset."""
     if isinstance(answer, str):
-        yield CheckResult("vulkan", "FAIL", f"nothing can be drawn ({answer})", DRIVER)
-        return
+        return CheckResult("frame", "FAIL", f"nothing can be drawn ({answer})", DRIVER)
+    text = f"160x120 by {answer['device']} in {answer['seconds']:.1f} s, the first"
+    if answer["spread"] < 1:
+        fix = "try another driver: set VK_ICD_FILENAMES"
+        return CheckResult("frame", "FAIL", f"{text}, and it is of one color", fix)
+    return CheckResult("frame", "PASS", text)
+
+
+def judge_vulkan(answer: Mapping[str, Any] | str, nodes: Sequence[str]) -> CheckResult:
+    """The Vulkan device, which `--render rt` and older looks need."""
+    if isinstance(answer, str):
+        why = answer.split(": install ")[0]
+        lost = f"--render rt and datasets of older looks cannot be drawn ({why})"
+        return CheckResult("vulkan", "WARN", lost, DRIVER)
     device = str(answer["device"])
     software = any(name in device.lower() for name in ("llvmpipe", "swiftshader"))
     if software and nodes:
         unused = f"{device} is used, although there is {nodes[0]}"
-        yield CheckResult("vulkan", "WARN", unused, DRIVER)
-    else:
-        yield CheckResult("vulkan", "PASS", device)
-    text = f"160x120 in {answer['seconds']:.1f} s, the first"
-    if answer["spread"] < 1:
-        fix = "try another driver: set VK_ICD_FILENAMES"
-        yield CheckResult("frame", "FAIL", f"{text}, and it is of one color", fix)
-    else:
-        yield CheckResult("frame", "PASS", text)
+        return CheckResult("vulkan", "WARN", unused, DRIVER)
+    return CheckResult("vulkan", "PASS", device)
 
 
 def judge_ray(answer: Mapping[str, Any] | str) -> CheckResult:

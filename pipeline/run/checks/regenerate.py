@@ -16,7 +16,7 @@ from pipeline.data.store.place import is_there
 from pipeline.run.names import installed_recipe
 from pipeline.run.slot.fill import FillJob, LostAttempt, fill_slot
 from pipeline.run.slot.redraw import DrawJob, draw_slot, origin_of
-from pipeline.world.drawing.vulkan import ensure_renderer
+from pipeline.world.drawing.renderer import device_of
 
 
 def regenerate(dataset: Dataset, episode: str) -> list[str]:
@@ -29,7 +29,7 @@ def regenerate(dataset: Dataset, episode: str) -> list[str]:
     path = dataset.episode(slot)
     if not is_there(path):
         raise DatasetError(f"{path}: is not there: build it first")
-    ensure_renderer()
+    device_of(recipe.render)
     with TemporaryDirectory(prefix="domino-regenerate-") as folder:
         copy = Dataset(Path(folder) / "dataset")
         copy.create(recipe)
@@ -74,7 +74,7 @@ def other_device(dataset: Dataset) -> str:
     merged = [each for each in made.get("merged_from", ()) if isinstance(each, dict)]
     named = {str(each["renderer"]) for each in [made, *merged] if "renderer" in each}
     named = named or {"an unknown device"}
-    here = ensure_renderer()
+    here = device_of(dataset.recipe().render)
     return "" if named == {here} else f"drawn by {', '.join(sorted(named))}, here by {here}"
 
 

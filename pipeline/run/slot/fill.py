@@ -13,6 +13,7 @@ from pipeline.crew.contract import CrewError, Died, Steps, result_of
 from pipeline.data.atomic import remove
 from pipeline.data.dataset import Dataset, DatasetError
 from pipeline.data.episode.file import EpisodeError
+from pipeline.data.episode.visuals import LOOK
 from pipeline.data.intact import is_intact
 from pipeline.data.keys import SlotKeys
 from pipeline.data.recipe.model import Recipe, Slot
@@ -26,7 +27,7 @@ from pipeline.stages.attempt import attempt
 from pipeline.stages.drawing.tracks import require_view
 from pipeline.stages.failure import Failure
 from pipeline.stages.replay import Demonstrator, expert_of
-from pipeline.world.drawing.vulkan import ensure_renderer
+from pipeline.world.drawing.renderer import device_of
 
 from .failures import Failed, keep_failure, keep_last_frames, remove_failures
 from .make import draw, episode_of, renew, send_slot, write
@@ -77,6 +78,8 @@ class NodeCheck:
 
     root: str
     code: str
+    preset: str
+    look: int = LOOK
 
     def __call__(self) -> dict[str, str]:
         """Check that all machines agree. Raises DatasetError, StoreError, NoRenderer."""
@@ -91,7 +94,7 @@ class NodeCheck:
                 f"runs code {code_version()}, the driver {self.code}: install the same version on"
                 " all nodes"
             )
-        return {"renderer": ensure_renderer()}
+        return {"renderer": device_of(self.preset, self.look)}
 
 
 def demonstrator_of(recipe: Recipe) -> Demonstrator:

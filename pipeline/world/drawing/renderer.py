@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pipeline.data.cameras import Camera, View
-from pipeline.data.episode.visuals import Visuals
+from pipeline.data.episode.visuals import LOOK, Visuals
 from pipeline.poses import IDENTITY, Floats, compose
 from pipeline.world.looks.textures import Rgba
 from pipeline.world.shapes import Parts
@@ -35,7 +35,19 @@ from .surfaces import TABLE, channel, prepared
 from .vulkan import ensure_renderer, has_gpu
 
 MAX_BODIES = 255
+RASTERISER = "domino-data's rasteriser"
 FURNITURE = "the furniture"  # no name of a body: those have no spaces
+
+
+def is_software(preset: str, look: int = LOOK) -> bool:
+    """Whether our own rasteriser draws this preset and look here."""
+    return look_of(look).software and PRESETS[preset].software and not has_gpu()
+
+
+def device_of(preset: str, look: int = LOOK) -> str:
+    """The name of what draws: our rasteriser, or the Vulkan device, which is chosen then. Raises
+    NoRenderer."""
+    return RASTERISER if is_software(preset, look) else ensure_renderer()
 
 
 class Renderer:
@@ -89,7 +101,7 @@ class Renderer:
         casters = ({}, ())
         if self._preset.shadow:
             casters = self._moving, [*planes[TABLE], *solid[FURNITURE]]
-        if look.software and self._preset.software and not has_gpu():
+        if is_software(preset, visuals.look):
             meshes = {name: caster(parts, CASTER_CELL) for name, parts in casters[0].items()}
             still = caster(casters[1], CASTER_CELL) if casters[1] else None
             of_sun = partial(SoftwareCasters, meshes, still, sun_map(self._sun))

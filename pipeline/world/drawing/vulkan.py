@@ -15,9 +15,13 @@ ICD_FOLDERS = (
     Path("/usr/local/share/vulkan/icd.d"),
     Path("/etc/vulkan/icd.d"),
 )
-ADVICE = (
-    "install Mesa lavapipe >= 25 (Debian 12: apt install -t bookworm-backports mesa-vulkan-drivers)"
+DRIVER = (
+    "install Mesa >= 25: apt install mesa-vulkan-drivers libvulkan1 (Debian 12: -t"
+    " bookworm-backports; old Ubuntu: ppa:kisak/kisak-mesa), dnf install mesa-vulkan-drivers"
+    " vulkan-loader, or pacman -S vulkan-swrast vulkan-icd-loader; or the GPU's own driver (in a"
+    " container: NVIDIA_DRIVER_CAPABILITIES=all)"
 )
+"""How to get a Vulkan driver."""
 
 _LARGEST_FILE = 2**30
 """Bytes of one file that rendering on a CPU may take; 320 x 240 takes 35 MB."""
@@ -32,8 +36,8 @@ class NoRenderer(DominoError):
 @cache
 def has_gpu() -> bool:
     """Whether the driver that `ensure_renderer` chooses draws on a GPU."""
-    chosen = os.environ.get("VK_ICD_FILENAMES") or os.environ.get("VK_DRIVER_FILES")
-    return "lvp" not in chosen if chosen else _gpu_works()
+    _, chosen, drivers = _chosen_drivers()
+    return any(drivers) and "lvp" not in chosen if chosen else _gpu_works()
 
 
 @cache
@@ -44,10 +48,8 @@ def ensure_renderer() -> str:
     becomes lavapipe. LP_NUM_THREADS becomes 0 unless it is 2 or more: one worker per core scales
     better than threads. Raises NoRenderer.
     """
-    name = "VK_ICD_FILENAMES" if os.environ.get("VK_ICD_FILENAMES") else "VK_DRIVER_FILES"
-    chosen = os.environ.get(name)
-    drivers = [Path(part) for part in (chosen or "").split(os.pathsep) if part]
-    if drivers and not any(driver.exists() for driver in drivers):
+    name, chosen, drivers = _chosen_drivers()
+    if drivers and not any(drivers):
         raise NoRenderer(
             f"{name} names no file that is there ({chosen}): correct it, or unset it to use the"
             " installed drivers"
@@ -55,9 +57,9 @@ def ensure_renderer() -> str:
     if not chosen and not _gpu_works():
         icd = _lavapipe_icd()
         if icd is None:
-            raise NoRenderer(f"no Vulkan device to draw with: {ADVICE}")
+            raise NoRenderer(f"no Vulkan device, which rt and older looks need: {DRIVER}")
         os.environ["VK_ICD_FILENAMES"] = chosen = str(icd)
-    if "lvp" in (chosen or ""):
+    if "lvp" in chosen:
         _check_file_limit()
     # 1 means a thread beside the one that submits, which waits for it: without it a frame takes a
     # tenth less of a core.
@@ -68,7 +70,14 @@ def ensure_renderer() -> str:
     try:
         return sapien.render.RenderSystem().device.name
     except RuntimeError as error:
-        raise NoRenderer(f"no Vulkan device to draw with ({error}): {ADVICE}") from error
+        raise NoRenderer(f"no Vulkan device can be used ({error}): {DRIVER}") from error
+
+
+def _chosen_drivers() -> tuple[str, str, list[bool]]:
+    """The variable that names drivers, its value, and of each driver whether it is there."""
+    name = "VK_ICD_FILENAMES" if os.environ.get("VK_ICD_FILENAMES") else "VK_DRIVER_FILES"
+    chosen = os.environ.get(name, "")
+    return name, chosen, [Path(part).exists() for part in chosen.split(os.pathsep) if part]
 
 
 def _check_file_limit() -> None:

@@ -19,7 +19,7 @@ RECIPE = parse_recipe({"tasks": "click_bell", "levels": [1], "episodes": 1})
 @pytest.fixture(autouse=True)
 def renderer(monkeypatch):
     """A machine with a renderer, which is not started here."""
-    monkeypatch.setattr(fill, "ensure_renderer", lambda: "a renderer, 1.0")
+    monkeypatch.setattr(fill, "device_of", lambda *_: "a renderer, 1.0")
 
 
 @pytest.fixture
@@ -30,7 +30,7 @@ def root(tmp_path):
 
 def test_a_machine_that_has_all_reports_its_renderer(root):
     # as it travels to a node
-    check = pickle.loads(pickle.dumps(NodeCheck(str(root), code_version())))
+    check = pickle.loads(pickle.dumps(NodeCheck(str(root), code_version(), "raster")))
     assert check() == {"renderer": "a renderer, 1.0"}
 
 
@@ -41,28 +41,28 @@ def test_a_machine_that_does_not_reach_the_dataset_is_refused(root):
             DatasetError,
             match=rf"^{there} is not there: --out must be where all nodes of the cluster reach it$",
         ):
-            NodeCheck(str(there), code_version())()
+            NodeCheck(str(there), code_version(), "raster")()
 
 
 def test_a_machine_with_other_code_is_refused_and_both_versions_are_named(root):
     said = rf"^runs code {code_version()}, the driver 1.2.3: install the same version on all nodes$"
     with pytest.raises(DatasetError, match=said):
-        NodeCheck(str(root), "1.2.3")()
+        NodeCheck(str(root), "1.2.3", "raster")()
 
 
 def test_a_machine_without_a_renderer_is_refused(root, monkeypatch):
-    def none():
+    def none(*_):
         raise NoRenderer("no Vulkan driver")
 
-    monkeypatch.setattr(fill, "ensure_renderer", none)
+    monkeypatch.setattr(fill, "device_of", none)
     with pytest.raises(NoRenderer, match="no Vulkan driver"):
-        NodeCheck(str(root), code_version())()
+        NodeCheck(str(root), code_version(), "raster")()
 
 
 def test_of_a_dataset_on_a_store_the_store_is_asked_and_nothing_is_fetched(tmp_path, monkeypatch):
     monkeypatch.setenv(CACHE, str(tmp_path / "cache"))
     place = tmp_path / f"cache/places/memory%3A%2F%2F{tmp_path.name}%2Fset~head.1.x"
-    check = NodeCheck(str(place), code_version())
+    check = NodeCheck(str(place), code_version(), "raster")
     with pytest.raises(DatasetError, match="is not there"):
         check()
     store = Store(f"memory://{tmp_path.name}/set")
