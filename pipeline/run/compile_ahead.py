@@ -1,9 +1,10 @@
 """Compile drawing's kernels during the first simulation: numba compiles one function at a time
-in a process, and processes share its cache.
+in a process, and processes share its cache. Each kernel is compiled by one process.
 """
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from fcntl import LOCK_EX, flock
 from pathlib import Path
 from subprocess import DEVNULL, Popen
 from sys import executable
@@ -12,18 +13,22 @@ import numpy as np
 
 from pipeline.data.cameras import CAMERA_TYPES, Camera, look
 from pipeline.data.process.machine import usable_cores
-from pipeline.poses import IDENTITY
+from pipeline.poses import pose
+from pipeline.world.drawing.edges import through_lens
 from pipeline.world.drawing.renderer import Renderer
-from pipeline.world.drawing.silhouettes import draw, occluders_of, track_bodies
 from pipeline.world.looks.visuals import CLEAN
 from pipeline.world.shapes import Material, Mesh
 
 
 def is_compiled() -> bool:
-    """Whether numba's cache has the kernels: `draw` is compiled last but for its caller."""
-    code, folder = draw.py_func.__code__, draw.stats.cache_path
-    name = f"{Path(code.co_filename).stem}.{draw.__name__}-{code.co_firstlineno}.*.nbi"
-    return bool(folder) and any(Path(folder).glob(name))
+    """Whether numba's cache has the kernels: an image passes `through_lens` last."""
+    code = through_lens.py_func.__code__
+    name = f"{Path(code.co_filename).stem}.{through_lens.__name__}-{code.co_firstlineno}.*.nbi"
+    return any(_cache().glob(name))
+
+
+def _cache() -> Path:
+    return Path(through_lens.stats.cache_path)
 
 
 @contextmanager
@@ -41,19 +46,28 @@ def compiling_ahead() -> Iterator[None]:
         process.wait()
 
 
+def ensure_compiled() -> None:
+    """Compile drawing's kernels, or wait for the process that compiles them now."""
+    if is_compiled():
+        return
+    _cache().mkdir(parents=True, exist_ok=True)
+    with (_cache() / "drawing.lock").open("a") as file:
+        flock(file, LOCK_EX)  # until it is closed
+        if not is_compiled():
+            compile_drawing()
+
+
 def compile_drawing() -> None:
-    """Call each kernel of an episode of default looks, in order."""
+    """Call each kernel that draws an episode of default looks, in order."""
     corners = np.array([[0, 0, 0], [0.1, 0, 0], [0, 0.1, 0]], np.float32)
     up = np.repeat(np.array([[0, 0, 1]], np.float32), 3, 0)
     parts = [(Mesh(corners, np.array([[0, 1, 2]], np.uint32), up), Material((0.5, 0.5, 0.5)))]
-    here = IDENTITY[None]
+    here = pose((0.0, 0.0, 0.8))[None]
     kind = CAMERA_TYPES["L515"]
     camera = Camera("camera", kind, None, look((0.0, -0.5, 1.3), (0.0, 0.6, -0.6)))
     with Renderer({"body": parts}, [], [camera], CLEAN) as drawing:
         drawing.render({"body": here})
-    solids = occluders_of({"body": parts}, [])
-    track_bodies(solids, {"body": here}, ["body"], kind, here)
 
 
 if __name__ == "__main__":
-    compile_drawing()
+    ensure_compiled()

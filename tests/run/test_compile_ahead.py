@@ -7,14 +7,14 @@ import time
 
 from pipeline.run import compile_ahead
 from pipeline.run.compile_ahead import compiling_ahead, is_compiled
-from pipeline.world.drawing import edges, masks, silhouettes, surfaces
+from pipeline.world.drawing import edges, masks, surfaces
 from pipeline.world.drawing.software import casters, changes, on_bodies, on_planes, raster
 from tests.run.command import ROOT, inside
 
 KERNELS = {
     f"{module.__name__}.{name}": kernel
     for module in (
-        *(edges, masks, silhouettes, surfaces),
+        *(edges, masks, surfaces),
         *(casters, changes, on_bodies, on_planes, raster),
     )
     for name, kernel in vars(module).items()
@@ -44,7 +44,6 @@ def test_the_kernels_compiled_ahead_are_those_that_an_episode_calls(tmp_path):
     assert all(ahead[f"{edges.__name__}.{name}"] for name in ("_blend", "through_lens"))
     assert all(ahead[f"{masks.__name__}.{name}"] for name in ("_above", "_mix"))
     assert all(ahead[f"{surfaces.__name__}.{name}"] for name in ("_fill", "_open"))
-    assert ahead[f"{silhouettes.__name__}._track"]
     assert ahead[f"{on_bodies.__name__}.shade_bodies"] and ahead[f"{casters.__name__}.fill_depths"]
 
 

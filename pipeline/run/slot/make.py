@@ -24,12 +24,14 @@ from pipeline.data.store.place import place_of
 from pipeline.motion.models import motion_from_json
 from pipeline.motion.recorded import TRACKS, Interception, physics_arrays
 from pipeline.report.page import failed_folder
+from pipeline.run.compile_ahead import ensure_compiled
 from pipeline.stages.attempt import Rollout
 from pipeline.stages.drawing.render import Appearance, appearance_of, capture, keep
 from pipeline.stages.drawing.tracks import track_arrays
 from pipeline.stages.scene import Scene, build_scene
 from pipeline.stages.surroundings import table_drop
 from pipeline.tasks.language.sentences import instructions
+from pipeline.world.drawing.renderer import is_software
 
 
 def episode_of(rollout: Rollout, recipe: Recipe, drawing: Drawing, keys: SlotKeys) -> Episode:
@@ -117,8 +119,10 @@ def images_of(
     recipe: Recipe,
 ) -> Images:
     """Render a log with the recipe's sensors, encode the frames, and track `objects`."""
-    captured = capture(appearance, log, recipe)
     tracks = track_arrays(appearance, log.late(drawing.latency), objects)
+    if is_software(recipe.render):
+        ensure_compiled()
+    captured = capture(appearance, log, recipe)
     coded = [encode_frames(view.rgb) for view in captured.views]
     return Images(drawing, captured.views, coded, captured.pointcloud, tracks)
 

@@ -35,12 +35,12 @@ def sort_stale(
     """Pixels to be shaded into `out` (2+Q,H*W), by what they show: nothing, bodies, each plane.
     Their numbers (2+Q,)."""
     ids, before, every = frame.ids, stale.before, stale.everything
-    counts = np.zeros(len(planes) + 2, np.int64)
-    channels = np.full(len(planes) + 2, -1, np.int64)
-    channels[1] = 2
-    for k in range(len(planes)):
-        if planes[k, 16] < 2:
-            channels[k + 2] = int(planes[k, 16])
+    counts = np.empty(len(planes) + 2, np.int64)
+    channels = np.empty(len(planes) + 2, np.int64)
+    for k in range(len(planes) + 2):
+        counts[k], channels[k] = 0, 2 if k == 1 else -1
+        if k > 1 and planes[k - 2, 16] < 2:
+            channels[k] = int(planes[k - 2, 16])
     for p in range(len(ids)):
         t = ids[p]
         group = 1 if t >= 0 else -t if t < -1 else 0
@@ -64,7 +64,9 @@ def _extremes(depths: Floats32, least: Floats32, most: Floats32) -> None:
     n = least.shape[0]
     near, far = np.empty(NEAREST * n, np.float32), np.empty(NEAREST * n, np.float32)
     for y in range(n):
-        near[:], far[:] = depths[NEAREST * y], depths[NEAREST * y]
+        row = depths[NEAREST * y]
+        for x in range(NEAREST * n):  # an assignment to near[:] takes two seconds to compile
+            near[x], far[x] = row[x], row[x]
         for i in range(NEAREST * y + 1, NEAREST * (y + 1)):
             row = depths[i]
             for x in range(NEAREST * n):
