@@ -37,7 +37,7 @@ from pipeline.evaluate.scenes.manifests import SeedJob, try_seed
 from pipeline.evaluate.scenes.trial import Eyes
 from pipeline.evaluate.scoring.clock import parse_clock
 from pipeline.stages.scene import build_scene
-from pipeline.world.drawing.vulkan import ensure_renderer
+from pipeline.world.drawing.renderer import device_of
 
 PARTS = ("scene", "policy", "render", "physics", "score")
 
@@ -189,7 +189,7 @@ def main() -> None:
             network = make_here(policy_name(args.policy)) if args.policy else None
             print(hardware(), together.parts(first_case(first), one_camera, network), sep="\n\n")
         case _:
-            device = ensure_renderer()
+            device = device_of("raster")
             print(
                 f"{hardware(device)}\n\n{speed(tasks or ('click_bell', 'shake_bottle', 'place_container_plate'))}"  # noqa: E501
             )

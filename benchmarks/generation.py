@@ -35,7 +35,7 @@ from pipeline.run.names import recipe_from
 from pipeline.run.slot.fill import FillJob, fill_slot
 from pipeline.stages.drawing.render import appearance_of, body_poses, renderer
 from pipeline.stages.scene import build_scene
-from pipeline.world.drawing.vulkan import ensure_renderer
+from pipeline.world.drawing.renderer import device_of
 
 PHASES = ("scene", "dry_run", "back_calculate", "replay", "render", "encode", "write")
 PHYSICS = PHASES[:4]
@@ -168,7 +168,7 @@ def main() -> None:
             "render": given.render,
         }
     )
-    text = f"{hardware(ensure_renderer())}\n\n"
+    text = f"{hardware(device_of('raster'))}\n\n"
     text += "\n".join(
         report(measure(recipe, int(workers), given.processes), int(workers))
         for workers in given.workers.split(",")

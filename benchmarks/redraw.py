@@ -27,7 +27,7 @@ from pipeline.data.slots.assets import AssetStore
 from pipeline.run.render import work_of
 from pipeline.run.slot.redraw import DrawJob, draw_slot
 from pipeline.stages.drawing.render import body_poses, renderer, stored_appearance
-from pipeline.world.drawing.vulkan import ensure_renderer
+from pipeline.world.drawing.renderer import device_of
 
 PHASES = ("read", "render", "encode", "write")
 
@@ -145,7 +145,7 @@ def main() -> None:
     }
     changes = with_looks(changes, "randomized" if given.variants else "keep")
     recipe = parse_recipe(source.recipe().model_dump() | changes)
-    print(hardware(ensure_renderer()), "\n")
+    print(hardware(device_of("raster")), "\n")
     print(table(measure(source, recipe, given.episodes, given.repeats), recipe))
 
 

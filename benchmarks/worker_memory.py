@@ -26,7 +26,7 @@ from pipeline.data.recipe.model import Recipe, Slot
 from pipeline.run.build import ATTEMPT_SECONDS
 from pipeline.run.names import recipe_from
 from pipeline.run.slot.fill import FillJob, slot_worker
-from pipeline.world.drawing.vulkan import ensure_renderer
+from pipeline.world.drawing.renderer import device_of
 
 ROBOTS = ("aloha-agilex", "arx-x5", "franka-panda", "piper", "ur5-wsg")
 LEVELS, DOMAINS = (1, 2, 3), ("clean", "randomized")
@@ -140,7 +140,7 @@ def main() -> None:
     parser.add_argument("--slots", type=int, default=200)
     parser.add_argument("--out", type=Path, help="write the table to this file as well")
     given = parser.parse_args()
-    text = f"{hardware(ensure_renderer())}\n\n{report(measure(given.slots))}\n"
+    text = f"{hardware(device_of('raster'))}\n\n{report(measure(given.slots))}\n"
     print(text)
     if given.out:
         given.out.write_text(text)
