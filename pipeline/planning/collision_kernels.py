@@ -7,15 +7,12 @@ Ericson, 2005, 5.1. Transforms are rows of 12, rotation by rows, then translatio
 import numpy as np
 from numba import njit
 
-kernel = njit(cache=True, error_model="numpy", no_cfunc_wrapper=True)
-inner = njit(
-    cache=True, error_model="numpy", no_cfunc_wrapper=True, no_cpython_wrapper=True
-)  # only kernels call these
+kernel = njit(cache=True, error_model="numpy")
 BOX, CYLINDER, SEGMENT, POINTS = 0, 1, 2, 3
 MAX_ITERATIONS = 40
 
 
-@inner
+@kernel
 def chain_transforms(a, i, b, j, out, k):
     """Write a[i] b[j] into out[k]; slices cost more than the work."""
     for r in range(3):
@@ -44,7 +41,7 @@ def place_frames(parent, origin, prismatic, q, row, out):
                 out[k, 3 * r], out[k, 3 * r + 1] = x * c + y * s, y * c - x * s
 
 
-@inner
+@kernel
 def support(core, size, points, t, p, dx, dy, dz):
     """Farthest point of the core of piece p, placed by t[p], in a world direction."""
     lx = t[p, 0] * dx + t[p, 3] * dy + t[p, 6] * dz
@@ -73,12 +70,12 @@ def support(core, size, points, t, p, dx, dy, dz):
     )
 
 
-@inner
+@kernel
 def dot(a, b):
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@inner
+@kernel
 def closest_on_triangle(s, i, j, k, weights):
     """Write the weights (3,) of a triangle's point closest to the origin (5.1.5)."""
     abx, aby, abz = s[j, 0] - s[i, 0], s[j, 1] - s[i, 1], s[j, 2] - s[i, 2]
@@ -110,7 +107,7 @@ def closest_on_triangle(s, i, j, k, weights):
         weights[0], weights[1], weights[2] = va / total, vb / total, vc / total
 
 
-@inner
+@kernel
 def origin_outside(s, i, j, k, opposite):
     """Whether the plane parts the origin from s[opposite], or all is flat."""
     ax, ay, az = s[j, 0] - s[i, 0], s[j, 1] - s[i, 1], s[j, 2] - s[i, 2]
@@ -121,7 +118,7 @@ def origin_outside(s, i, j, k, opposite):
     return towards_origin * (nx * x + ny * y + nz * z) <= 0.0
 
 
-@inner
+@kernel
 def keep(s, count, weights, v):
     """Drop points of weight zero, write the weighted point into v (3,); the new count."""
     v[0] = v[1] = v[2] = 0.0
@@ -135,7 +132,7 @@ def keep(s, count, weights, v):
     return kept
 
 
-@inner
+@kernel
 def reduce_simplex(s, count, weights, trial, v):
     """Write the point nearest to the origin into v; its number of points."""
     weights[:] = 0.0
@@ -170,7 +167,7 @@ def reduce_simplex(s, count, weights, trial, v):
     return keep(s, count, weights, v)
 
 
-@inner
+@kernel
 def within(core, size, points, t, a, b, reach, s, weights, trial, v):
     """Whether the cores of a and b are at most `reach` m apart; the rest is scratch."""
     for c in range(3):
@@ -195,7 +192,7 @@ def within(core, size, points, t, a, b, reach, s, weights, trial, v):
     return dot(v, v) <= (reach + 1e-5) ** 2
 
 
-@inner
+@kernel
 def centre_far_from(t, a, half, b, distance):
     """Whether the centre of piece b is over `distance` m from the box half[a]."""
     x, y, z = t[b, 9] - t[a, 9], t[b, 10] - t[a, 10], t[b, 11] - t[a, 11]
@@ -205,7 +202,7 @@ def centre_far_from(t, a, half, b, distance):
     return dx * dx + dy * dy + dz * dz > distance * distance
 
 
-@inner
+@kernel
 def touching(core, size, half, bound, points, t, a, b, reach, s, weights, trial, v):
     """As `within`, asking cheap bounds first."""
     dx, dy, dz = t[a, 9] - t[b, 9], t[a, 10] - t[b, 10], t[a, 11] - t[b, 11]
@@ -219,7 +216,7 @@ def touching(core, size, half, bound, points, t, a, b, reach, s, weights, trial,
     return within(core, size, points, t, a, b, reach, s, weights, trial, v)
 
 
-@inner
+@kernel
 def place_balls(frames, frame, balls, out):
     """Write the world centres (O,3) of bounding balls (x, y, z, radius)."""
     for o in range(frame.shape[0]):

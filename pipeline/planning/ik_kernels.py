@@ -9,10 +9,7 @@ arrays takes 2 s more to compile.
 import numpy as np
 from numba import njit
 
-kernel = njit(cache=True, error_model="numpy", no_cfunc_wrapper=True)
-inner = njit(
-    cache=True, error_model="numpy", no_cfunc_wrapper=True, no_cpython_wrapper=True
-)  # only kernels call these
+kernel = njit(cache=True, error_model="numpy")
 ROTATION_WEIGHT = 0.25  # m for a radian of tool rotation, roughly the length of a forearm
 DAMPING = 1e-6
 FAR = 0.1  # m: of the targets that four starts leave this far away, 99 % are out of reach
@@ -63,7 +60,7 @@ def forward(pre, prismatic, tool, q, axes, origins, rotation, position):
     position[0], position[1], position[2] = x, y, z
 
 
-@inner
+@kernel
 def quaternion(m, out):
     """Write the quaternion wxyz (w >= 0) of a matrix, by Shepperd's method."""
     trace = m[0, 0] + m[1, 1] + m[2, 2]
@@ -114,12 +111,12 @@ def column(axis, origin, position, prismatic, weight, out):
         out[3], out[4], out[5] = axis[0] * weight, axis[1] * weight, axis[2] * weight
 
 
-@inner
+@kernel
 def dot(a, b):
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@inner
+@kernel
 def pose_error(goal_r, goal_p, rotation, position, weight, out):
     """Write the weighted twist (6,) to the goal; (m, rad) off it."""
     px, py, pz = goal_p[0] - position[0], goal_p[1] - position[1], goal_p[2] - position[2]
@@ -144,7 +141,7 @@ def pose_error(goal_r, goal_p, rotation, position, weight, out):
     return np.sqrt(px * px + py * py + pz * pz), angle
 
 
-@inner
+@kernel
 def solve_spd(a, b, n):
     """Solve a x = b in place for symmetric positive definite a (n,n); destroys a."""
     for i in range(n):
@@ -164,7 +161,7 @@ def solve_spd(a, b, n):
         b[i] = s / a[i, i]
 
 
-@inner
+@kernel
 def descend(chain, goal_r, goal_p, q, iterations, tolerance, work):
     """Move q (n,) in place; whether it is within `tolerance` (m, rad)."""
     pre, prismatic, tool, lower, upper = chain
@@ -215,7 +212,7 @@ def descend(chain, goal_r, goal_p, q, iterations, tolerance, work):
     return False
 
 
-@inner
+@kernel
 def workspace(n):
     return (
         np.empty((n, 3)),
@@ -229,7 +226,7 @@ def workspace(n):
     )
 
 
-@inner
+@kernel
 def rotation_of(quat, out):
     """Write the rotation matrix (3,3) of a quaternion wxyz of any length."""
     norm = np.sqrt(quat[0] ** 2 + quat[1] ** 2 + quat[2] ** 2 + quat[3] ** 2)

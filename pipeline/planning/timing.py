@@ -5,16 +5,13 @@ package.
 import numpy as np
 from numba import njit
 
-kernel = njit(cache=True, error_model="numpy", no_cfunc_wrapper=True)
-inner = njit(
-    cache=True, error_model="numpy", no_cfunc_wrapper=True, no_cpython_wrapper=True
-)  # only kernels call these
+kernel = njit(cache=True, error_model="numpy")
 BISECTIONS = 50
 # (rad/s)^2, where a path turns back on the spot and no joint bounds the speed along it
 HIGHEST = 1e4
 
 
-@inner
+@kernel
 def acceleration_range(x, delta, slope, i, bend, limit, highest):
     """Bounds of the path acceleration over interval i for squared speed x at its start, empty if
     low > high. Joint accelerations are linear in s: bounding both ends is enough.

@@ -22,13 +22,14 @@ from pipeline.world.shapes import Material, Mesh
 
 def is_compiled() -> bool:
     """Whether numba's cache has the kernels: an image passes `through_lens` last."""
-    code = through_lens.py_func.__code__
+    code, folder = through_lens.py_func.__code__, _cache()
     name = f"{Path(code.co_filename).stem}.{through_lens.__name__}-{code.co_firstlineno}.*.nbi"
-    return any(_cache().glob(name))
+    return folder is not None and any(folder.glob(name))
 
 
-def _cache() -> Path:
-    return Path(through_lens.stats.cache_path)
+def _cache() -> Path | None:
+    folder = through_lens.stats.cache_path
+    return Path(folder) if folder else None
 
 
 @contextmanager
@@ -48,10 +49,11 @@ def compiling_ahead() -> Iterator[None]:
 
 def ensure_compiled() -> None:
     """Compile drawing's kernels, or wait for the process that compiles them now."""
-    if is_compiled():
+    folder = _cache()
+    if folder is None or is_compiled():
         return
-    _cache().mkdir(parents=True, exist_ok=True)
-    with (_cache() / "drawing.lock").open("a") as file:
+    folder.mkdir(parents=True, exist_ok=True)
+    with (folder / "drawing.lock").open("a") as file:
         flock(file, LOCK_EX)  # until it is closed
         if not is_compiled():
             compile_drawing()

@@ -101,7 +101,7 @@ def _blend(
                     ) >> 8
 
 
-@njit(cache=True, error_model="numpy", no_cpython_wrapper=True)
+@njit(cache=True, error_model="numpy")
 def _end(
     luma: NDArray[np.uint8], p: int, stride: int, steps: int, edge: tuple[int, np.int32, np.int32]
 ) -> tuple[int, np.int32]:

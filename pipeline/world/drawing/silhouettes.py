@@ -182,7 +182,7 @@ def _track(
     return boxes, pixels
 
 
-@njit(cache=True, error_model="numpy", no_cpython_wrapper=True)
+@njit(cache=True, error_model="numpy")
 def _box(
     seen: Floats,
     flat: Floats,
@@ -248,7 +248,7 @@ def draw(
             _fill(cut, (0, i, i + 1), k, depths, drawn)
 
 
-@njit(cache=True, error_model="numpy", no_cpython_wrapper=True)
+@njit(cache=True, error_model="numpy")
 def _fill(
     corners: Floats,
     chosen: tuple[int, int, int],

@@ -9,7 +9,7 @@ from pipeline.poses import IDENTITY, Floats, Pose
 from pipeline.world.shapes import Mesh
 
 from .changes import surrounding
-from .kernels import inner, kernel
+from .kernels import kernel
 from .light import NEAREST, Sunlight
 from .raster import Floats32, Ids, Solids, joined, solids_of
 
@@ -83,7 +83,7 @@ def fill_depths(
         _fill_depths(solids.corners, (solids.spans[k, 2], solids.spans[k, 3]), seen, depths)
 
 
-@inner
+@kernel
 def _fill_depths(corners: Ids, span: tuple[int, int], seen: Floats32, depths: Floats32) -> None:
     size = depths.shape[0]
     for t in range(span[0], span[1]):

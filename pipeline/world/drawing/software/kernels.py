@@ -1,6 +1,5 @@
 """Compiles the rasteriser's functions."""
 
-from functools import partial
 from hashlib import sha256
 from pathlib import Path
 from types import CellType, FunctionType
@@ -13,25 +12,14 @@ SOURCES = sha256(
 ).hexdigest()
 
 
-def kernel(function: Any, sources: str = SOURCES, called: bool = True) -> Any:
+def kernel(function: Any, sources: str = SOURCES) -> Any:
     """The function, compiled; it meets no NaN. Sums keep their order and products are not fused, so
     that the same image has the same bytes however and wherever it was compiled.
 
     Numba compiles again if the kernel's own file changed, not if that of a kernel which it calls
     did. What a closure holds is part of its cache's key, so each kernel holds all files' hash.
-    A wrapper, for calls from Python, takes time to compile.
     """
     code = function.__code__.replace(co_freevars=("sources",))
     names = function.__globals__
     held = FunctionType(code, names, closure=(CellType(sources),))
-    return njit(
-        cache=True,
-        error_model="numpy",
-        fastmath={"nnan", "nsz"},
-        no_cfunc_wrapper=True,
-        no_cpython_wrapper=not called,
-    )(held)
-
-
-inner = partial(kernel, called=False)
-"""For functions that only kernels call."""
+    return njit(cache=True, error_model="numpy", fastmath={"nnan", "nsz"})(held)

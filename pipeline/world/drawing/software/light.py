@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from pipeline.world.physics.body import TABLE_TOP
 
 from ..masks import BLOCK
-from .kernels import inner
+from .kernels import kernel
 from .raster import Floats32, Ids, Lens
 
 F, I32, U = np.float32, np.int32, np.uint32
@@ -72,7 +72,7 @@ class Canvas(NamedTuple):
     blocks: NDArray[np.uint16]
 
 
-@inner
+@kernel
 def highlight(nl, nv, lv, bulge, height):
     square = max(F(2) + F(2) * lv, F(0.04))
     total = nl + nv
@@ -80,12 +80,12 @@ def highlight(nl, nv, lv, bulge, height):
     return height * square / (q * q)
 
 
-@inner
+@kernel
 def clamped(x):
     return min(max(x, F(0)), F(1))
 
 
-@inner
+@kernel
 def place_pixels(s: Floats32, n: int, view: Floats32, lens: Lens) -> None:
     """World places, directions to the camera and the lens's shade from PX, PY and Z. `view` (3,4)
     are the camera's axes and place in the world."""
@@ -106,14 +106,14 @@ def place_pixels(s: Floats32, n: int, view: Floats32, lens: Lens) -> None:
         s[VIGNETTE + k] = F(1) - F(0.55) * (ox * ox + oy * oy) * (by_width * by_width)
 
 
-@inner
+@kernel
 def _response(x):
     over = max(x - F(0.65), F(0))
     light = min(x, F(0.65)) + over * F(0.35) / (over + F(0.35))
     return (np.sqrt(light) * (F(0.7) - F(0.6) * light) + F(0.9) * light) * F(255) + F(0.5)
 
 
-@inner
+@kernel
 def display(s: Floats32, n: int) -> None:
     """Radiance in DR, DG and DB as the camera shows it, 0.5 to 255.5."""
     for k in range(n):
@@ -124,7 +124,7 @@ def display(s: Floats32, n: int) -> None:
         s[DB + k] = _response((blue * F(0.9) + grey) * shade)
 
 
-@inner
+@kernel
 def write(s: Floats32, pixels: Ids, size: int, out: Canvas) -> None:
     image, last = out.image, I32(size - 1)
     for k in range(len(pixels)):

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from .kernels import inner, kernel
+from .kernels import kernel
 from .light import (
     ARRIVES,
     BLUE,
@@ -61,7 +61,7 @@ from .raster import Floats32, Frame, Ids, Lens
 from .texels import level_of, sampled, square
 
 
-@inner
+@kernel
 def _gather(s: Floats32, pixels: Ids, frame: Frame, lens: Lens, geometry: Geometry) -> None:
     vertices, last, level = geometry.vertices, -1, 0
     for k in range(len(pixels)):
@@ -98,7 +98,7 @@ def _gather(s: Floats32, pixels: Ids, frame: Frame, lens: Lens, geometry: Geomet
             s[WEAR + k] = F(0)
 
 
-@inner
+@kernel
 def _surfaces(s: Floats32, n: int, lamps: Lamps, sunlight: Sunlight) -> None:
     """Normals towards the camera, wear, room light, and where shadows are looked up."""
     sx, sy, sz = lamps.room[1, 0], lamps.room[1, 1], lamps.room[1, 2]
@@ -147,7 +147,7 @@ def _surfaces(s: Floats32, n: int, lamps: Lamps, sunlight: Sunlight) -> None:
         s[ROUGH + k] = rough * rough
 
 
-@inner
+@kernel
 def _sun(at_x, at_y, at_z, sunlight: Sunlight):
     """Share of the sun at a texel's coordinates: 16 depths weighted by a cubic B-spline."""
     depths = sunlight.depths
@@ -183,7 +183,7 @@ def _sun(at_x, at_y, at_z, sunlight: Sunlight):
     return a0 * w0 + a1 * w1 + a2 * w2 + a3 * w3
 
 
-@inner
+@kernel
 def _lit(s: Floats32, n: int, lamps: Lamps) -> None:
     """Radiance of bodies, into DR, DG and DB."""
     room, points = lamps.room, lamps.points

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from .kernels import inner, kernel
+from .kernels import kernel
 from .light import (
     ARRIVES,
     BLUE,
@@ -53,7 +53,7 @@ FX, FY = LZ, ROUGH  # of planes, which have neither
 W0, W1, W2, W3 = (GROUP * k for k in range(4))  # places and then contents of four texels
 
 
-@inner
+@kernel
 def _texture(s: Floats32, w: NDArray[np.uint32], n: int, row: Floats32, texels: Texels) -> None:
     """Albedo by bilinear colours of a plane's texture."""
     place = texels.places[int(row[7])]
@@ -102,7 +102,7 @@ def _texture(s: Floats32, w: NDArray[np.uint32], n: int, row: Floats32, texels: 
         s[RED + k], s[GREEN + k], s[BLUE + k] = red * red, green * green, blue * blue
 
 
-@inner
+@kernel
 def _masked(
     s: Floats32,
     w: NDArray[np.uint32],

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from pipeline.world.shapes import Mesh
 
-from .kernels import inner, kernel
+from .kernels import kernel
 
 Floats32 = NDArray[np.float32]
 Ids = NDArray[np.int32]
@@ -64,7 +64,7 @@ def rotation(pose: NDArray[np.float64]) -> NDArray[np.float64]:
     return out
 
 
-@inner
+@kernel
 def joined(
     turn: NDArray[np.float64], at: NDArray[np.float64], pose: NDArray[np.float64]
 ) -> Floats32:
@@ -91,7 +91,7 @@ def turned(
         out[i, 2] = m[2, 0] * x + m[2, 1] * y + m[2, 2] * z
 
 
-@inner
+@kernel
 def _project(
     points: Floats32, span: NDArray[np.int64], move: Floats32, lens: Lens, out: Floats32
 ) -> None:
@@ -150,7 +150,7 @@ def fill_bodies(
         _fill_triangles(solids.corners, (span[2], span[3]), frame.seen, lens, frame)
 
 
-@inner
+@kernel
 def _fill_triangles(
     corners: Ids, span: tuple[int, int], seen: Floats32, lens: Lens, frame: Frame
 ) -> None:
@@ -182,7 +182,7 @@ def _fill_triangles(
         _fill((a, b, c), t, box, lens, frame)
 
 
-@inner
+@kernel
 def _fill(
     corners: tuple[tuple[float, float, float], ...],
     number: int,
@@ -269,7 +269,7 @@ def fill_quads(
                 )
 
 
-@inner
+@kernel
 def _line(q, step, number, inverses, ids) -> None:
     for x in range(len(inverses)):
         here = q + step * np.float32(x)
@@ -278,7 +278,7 @@ def _line(q, step, number, inverses, ids) -> None:
         ids[x] = number if nearer else ids[x]
 
 
-@inner
+@kernel
 def _cut(at: float, step: float, low: int, high: int, margin: int) -> tuple[int, int]:
     """The part of low..high in which at + step * x is 0 or more, and a margin."""
     if step > 1e-12:

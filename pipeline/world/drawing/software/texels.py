@@ -2,25 +2,25 @@
 
 import numpy as np
 
-from .kernels import inner
+from .kernels import kernel
 from .light import I32, F, Geometry, Texels, U
 from .raster import Floats32
 
 
-@inner
+@kernel
 def byte(word, shift):
     """One of a word's four bytes, 0-255."""
     return F(I32(U(U(word >> U(shift)) & U(255))))
 
 
-@inner
+@kernel
 def square(x, y):
     h = U(U(x) * U(73856093)) ^ U(U(y) * U(19349663))
     h = U(U(h ^ U(h >> U(13))) * U(1540483477))
     return F(I32(U(h >> U(16)) & U(255))) * F(1 / 255)
 
 
-@inner
+@kernel
 def sampled(texels: Texels, texture: int, u, v):
     """Bilinear colour 0-1 of a repeating texture."""
     first, width, height = (
@@ -48,7 +48,7 @@ def sampled(texels: Texels, texture: int, u, v):
     return red * scale, green * scale, blue * scale
 
 
-@inner
+@kernel
 def level_of(geometry: Geometry, t: int, seen: Floats32) -> int:
     """How often a triangle's texture was halved, so that no edge has more texels than pixels."""
     texture = int(geometry.materials[geometry.material[t], 5])
