@@ -24,6 +24,7 @@ import numpy as np
 
 from benchmarks.hardware import hardware
 from benchmarks.phases import timed_phases
+from benchmarks.rendering import MANISKILL3, PIXELS
 from pipeline.crew.contract import Crew, Done
 from pipeline.crew.loop import run
 from pipeline.data.dataset import Dataset
@@ -135,6 +136,11 @@ def report(made: list[Made], workers: int) -> str:
         (
             f"| ms per camera frame, floor | {1000 * floor / frames / 3:.2f} |"
             f" {1000 * floor_cpu / frames / 3:.2f} |"
+        ),
+        (
+            "| pixels a second, floor, times ManiSkill3's |"
+            f" {frames * 3 * PIXELS / floor / MANISKILL3:.0f} |"
+            f" {frames * 3 * PIXELS / floor_cpu / MANISKILL3:.0f} |"
         ),
         f"| **episodes per hour** | **{3600 * workers / wall:.0f}** | {3600 * workers / cpu:.0f} |",
         "",
