@@ -77,7 +77,7 @@ class WorldStage:
         place = meta.meeting_time if met is None else met
         arrays: dict[str, Any] = {
             "pose": log.poses.astype(np.float32),
-            "twist": twists_of(log, meta.target).astype(np.float32),
+            "twist": twists_of(log, meta).astype(np.float32),
             "contact_frame": contacts["frame"],
             "contact_bodies": np.stack([contacts["a"], contacts["b"]], 1),
             "contact_force": contact_forces(log, meta.physics_hz).astype(np.float32),

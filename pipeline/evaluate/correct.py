@@ -75,7 +75,7 @@ class Correction:
         actor = scene.start(motion, fps, STAGE, ReactiveActor)
         actor.recorder.watched = SIDES
         with failing_as(STAGE, actor):
-            actor.attend(recipe.sight, scene.task.workspace, scene.spec.rng("sight"))
+            actor.attend(recipe.sight, scene.task, scene.spec.rng("sight"))
             case = Case(scene.spec, motion.to_json(), dry.meeting, 0, "", "", recipe.physics)
             labels = _Turn(recipe, Trial(scene, motion, recipe, actor), actor, case).take()
             actor.meet(scene.task.meet)

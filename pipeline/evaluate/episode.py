@@ -28,7 +28,7 @@ from .policies.policy import (
     policy_seed,
 )
 from .scenes.case import BLIND, Case, start_of_trial
-from .scenes.trial import INVALID_ACTION, NO_ANSWER, Eyes, Trial, instruction_of
+from .scenes.trial import INVALID_ACTION, NO_ANSWER, Eyes, Trial, instruction_now, instruction_of
 from .scoring.clock import Clock, drive_overlapped, in_turn
 from .scoring.metrics import score, subgoals_reached
 from .serving.client import ANSWER_SECONDS
@@ -207,7 +207,8 @@ def _drive(
 
     def ask(committed: Floats) -> tuple[Floats, float]:
         with spent("render"):
-            observation = observe(trial, eyes, words, committed)
+            now = instruction_now(trial, job.split, words)
+            observation = observe(trial, eyes, now, committed)
         before, number = spent.seconds["policy"], asked.inferences
         with spent("policy"):
             chunk = asked.answer(observation, trial.length)

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.data.cameras import CameraType, extrinsics_cv, intrinsics
+from pipeline.data.episode.events import by_role
 from pipeline.data.episode.meta import EpisodeMeta
 from pipeline.data.episode.state_log import StateLog, Touch
 from pipeline.data.names import SIDES
@@ -24,12 +25,21 @@ GRASP_TRAVEL = 0.02  # m
 
 @dataclass(frozen=True, eq=False)
 class Interception:
-    """Derived data of one episode; `target` (T,7) are world poses."""
+    """Derived data of one episode as it was `recorded`. In `log` the target's name is that of
+    what has its role."""
 
     meta: EpisodeMeta
-    log: StateLog
+    recorded: StateLog
     motion: TargetMotion
-    target: Floats
+
+    @cached_property
+    def log(self) -> StateLog:
+        return by_role(self.recorded, self.meta.events, self.meta.target)
+
+    @property
+    def target(self) -> Floats:
+        """World poses (T,7)."""
+        return self.log.pose(self.meta.target)
 
     @property
     def rate(self) -> int:

@@ -8,7 +8,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pipeline.poses import Floats, compose
+from pipeline.poses import Floats, compose, inverse
 
 from .contract import Features, TargetMotion
 from .scenery import Prop
@@ -187,6 +187,19 @@ def changed(motion: TargetMotion, change: Change) -> Changed:
     if isinstance(motion, Changed):
         return Changed(motion.base, (*motion.changes, change))
     return Changed(motion, (change,))
+
+
+def led_by(name: str, motion: TargetMotion) -> Company:
+    """The motions of a target and of what moves beside it, with body `name` as the target and the
+    target under that name."""
+    others = dict(others_of(motion))
+    leader = others[name]
+    if isinstance(leader, Rider):
+        back = inverse(leader.at)
+        riders = {n: m.at for n, m in others.items() if isinstance(m, Rider)}
+        others |= {n: Rider(leader, compose(back, at)) for n, at in riders.items()}
+        return Company(leader, others | {name: Rider(leader, back)})
+    return Company(leader, others | {name: motion})
 
 
 def changes_of(values: Any) -> tuple[Change, ...]:

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.data.cameras import CameraType, project
+from pipeline.data.episode.events import by_role
 from pipeline.data.episode.file import Episode, EpisodeError, EpisodeFile, open_episode
 from pipeline.data.episode.frames import encode_mp4
 from pipeline.data.names import HEAD
@@ -53,7 +54,8 @@ def film(path: Path, columns: int = 6, width: int = 320) -> Film:
         episode, camera = e.read(), HEAD if HEAD in e.cameras else e.cameras[0]
         kind = e.meta.drawing.cameras[camera].camera(camera).type
         poses = e.array(f"observation/{camera}/pose")
-        pixels, in_front = path_pixels(kind, poses, episode.log.pose(episode.meta.target))
+        target = by_role(episode.log, e.meta.events, e.meta.target).pose(e.meta.target)
+        pixels, in_front = path_pixels(kind, poses, target)
         meeting, shots = meeting_frame(episode), list[Shot]()
         for i in pick_frames(len(e), columns, meeting):
             rgb = e.rgb(camera, i)

@@ -115,7 +115,7 @@ def _resample(dataset: Dataset, path: Path, place: Path, fps: int) -> None:
         drawing = drawing.model_copy(update={"sensors": sensors})
     limit = round(meta.step_limit * fps / meta.fps)
     meta = meta.model_copy(update={"fps": fps, "step_limit": limit, "drawing": drawing})
-    derived = Interception(meta, log, motion_from_json(episode.motion), log.pose(meta.target))
+    derived = Interception(meta, log, motion_from_json(episode.motion))
     conditions = conditions_of(episode.interception)
     arrays = physics_arrays(derived, {name: holds[rows] for name, holds in conditions.items()})
     new = replace(episode, log=log, meta=meta, interception=arrays)

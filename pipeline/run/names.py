@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from pipeline.data.dataset import Dataset, DatasetError
+from pipeline.data.episode.events import EXCHANGES
 from pipeline.data.episode.meta import NamedCamera
 from pipeline.data.errors import DominoError
 from pipeline.data.parsing import show_value
@@ -20,7 +21,14 @@ from pipeline.motion.models import MODELS, levels_of
 from pipeline.stages.surroundings import CLUTTER_FAMILIES
 from pipeline.tasks import TASKS
 from pipeline.tasks.contract import DOMINO, expand_tasks, suites
-from pipeline.tasks.layout import bodies_of, can_do, families_of, goals_of
+from pipeline.tasks.layout import (
+    admits_instruction,
+    admits_swap,
+    bodies_of,
+    can_do,
+    families_of,
+    goals_of,
+)
 from pipeline.world.objects.contract import FAMILIES, stands_for
 from pipeline.world.robots import MODELS as ROBOTS
 from pipeline.world.robots import UnknownEmbodiment, get_embodiment
@@ -214,10 +222,20 @@ def check_events(setup: Setup, tasks: Iterable[str], evaluated: bool = False) ->
         if camera not in cameras:
             known = ", ".join(cameras) or "none"
             raise RecipeError(f"events: there is no camera {show_value(camera)}; cameras: {known}")
-    if "goal" in kinds and (lacking := [task for task in tasks if not goals_of(TASKS[task])]):
+    needs = {
+        "goal": (goals_of, "moves a body that is neither target nor handled"),
+        "instruction": (admits_instruction, "asks for another moving body by its name"),
+        "swap": (admits_swap, "exchanges a target in which nothing lies"),
+    }
+    for kind in sorted(kinds & needs.keys()):
+        admits, what = needs[kind]
+        if lacking := [task for task in tasks if not admits(TASKS[task])]:
+            fits = [name for name in TASKS if kind == "instruction" and admits(TASKS[name])]
+            fix = f"choose from {', '.join(fits)}" if fits else "leave the event or the task out"
+            raise RecipeError(f"events: {kind} {what}, which {lacking[0]} does not have: {fix}")
+    if kinds & EXCHANGES and isinstance(setup, Recipe) and setup.corrections:
         raise RecipeError(
-            f"events: goal moves a body that is neither target nor handled, which {lacking[0]}"
-            " does not have: leave the event or the task out"
+            f"events: {sorted(kinds & EXCHANGES)[0]} and corrections exclude each other"
         )
 
 

@@ -78,13 +78,13 @@ def expert_of(setup: Setup) -> Demonstrator:
 def replay(scene: Scene, dry: DryRun, motion: TargetMotion, fps: int) -> Replay:
     """Play the first half back while the target moves, then finish live. Raises as `show`.
 
-    If an event changes the motion before the meeting, the reactive expert takes over.
+    If an event changes target or motion before the meeting, the reactive expert takes over.
     """
     actor = scene.start(motion, fps, REPLAY, ReactiveActor if scene.events else Actor)
     actor.recorder.watched = SIDES
     with failing_as(REPLAY, actor):
         if isinstance(actor, ReactiveActor):
-            actor.attend(Sight(), scene.task.workspace, scene.spec.rng("sight"))
+            actor.attend(Sight(), scene.task, scene.spec.rng("sight"))
         rows, velocities = commands(actor, dry, motion)
         whole = len(dry.commands)
         runs = [replace(run, end=len(rows)) if run.end == whole else run for run in dry.runs]
@@ -104,9 +104,10 @@ def replay(scene: Scene, dry: DryRun, motion: TargetMotion, fps: int) -> Replay:
 
 
 def is_changed(actor: Actor) -> bool:
-    """Whether an event changed the motion of an untouched target."""
+    """Whether an event changed an untouched target or its motion."""
     simulation = actor.simulation
-    return isinstance(simulation.motion, Changed) and not simulation.touched_by
+    changed = isinstance(simulation.motion, Changed) or bool(simulation.roles)
+    return changed and not simulation.touched_by
 
 
 def react(scene: Scene, motion: TargetMotion, sight: Sight, fps: int) -> Replay:
@@ -114,7 +115,7 @@ def react(scene: Scene, motion: TargetMotion, sight: Sight, fps: int) -> Replay:
     actor = scene.start(motion, fps, REACT, ReactiveActor)
     actor.recorder.watched = SIDES
     with failing_as(REACT, actor):
-        actor.attend(sight, scene.task.workspace, scene.spec.rng("sight"))
+        actor.attend(sight, scene.task, scene.spec.rng("sight"))
         actor.meet(scene.task.meet)
         return finish(scene, actor, REACT)
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.data.cameras import visible
-from pipeline.data.episode.events import DrawnEvent, draw_events
+from pipeline.data.episode.events import DrawnEvent, by_role, draw_events, exchanged
 from pipeline.data.episode.state_log import StateLog
 from pipeline.data.episode.visuals import Visuals
 from pipeline.data.setup.rules import STRICT, Rules
@@ -20,12 +20,12 @@ from pipeline.poses import Floats
 from pipeline.tasks import TASKS, Draw, Task, lay_out
 from pipeline.tasks.contract import TRACKING
 from pipeline.tasks.language.sentences import Wording
-from pipeline.tasks.layout import suits
+from pipeline.tasks.layout import others_asked, replacement, suits
 from pipeline.tasks.outcome import Outcome, failed
 from pipeline.world.cameras import cameras_of
 from pipeline.world.physics.body import Body
 from pipeline.world.physics.drive import Hold, ImperfectDrives
-from pipeline.world.physics.events import EventScript
+from pipeline.world.physics.events import SWAPPED, EventScript, in_roles
 from pipeline.world.physics.recorder import Recorder
 from pipeline.world.physics.simulation import PHYSICS_HZ, Motion, Simulation
 from pipeline.world.robots.contract import Embodiment
@@ -81,7 +81,37 @@ class Scene:
     def events(self) -> tuple[DrawnEvent, ...]:
         """The events of the rules, drawn from streams of their own."""
         spec, asked = self.spec, self.rules.events
-        return draw_events(asked, spec.rng("events"), spec.slot_rng("events")) if asked else ()
+        return tuple(
+            event.model_copy(update={"body": self._taking_over(event)})
+            for event in (
+                draw_events(asked, spec.rng("events"), spec.slot_rng("events")) if asked else ()
+            )
+        )
+
+    def _taking_over(self, event: DrawnEvent) -> str:
+        """The body that takes the target's role in an event, "" for none."""
+        if event.kind == "swap" and SWAPPED in self.bodies:
+            return SWAPPED
+        if event.kind == "instruction":
+            names = others_asked(self.task, self.bodies, self.embodiment.sides)
+            return names[int(event.turn / (2 * np.pi) * len(names))] if names else ""
+        return ""
+
+    def asked(self, roles: Mapping[str, str]) -> "Scene":
+        """The scene in which the bodies `roles` have the roles of the keys. What is swapped stands
+        where the other did."""
+        if not roles:
+            return self
+        bodies = in_roles(self.bodies, roles)
+        return replace(self, bodies=bodies, arms=self.task.arms(bodies), sentences={})
+
+    def by_role(self, log: StateLog) -> tuple["Scene", StateLog]:
+        """The scene at the end of a log, and the log, with the names of roles for bodies."""
+        target, span = self.task.target, exchanged(self.events, log.events)
+        if span is None:
+            return self, log
+        roles = {target: span.event.body, span.event.body: target}
+        return self.asked(roles), by_role(log, self.events, target)
 
     def _script(self, motion: Motion) -> EventScript | None:
         if not self.events:
@@ -94,7 +124,7 @@ class Scene:
     @property
     def goal(self) -> str:
         """The body that an event moves as the goal: neither target, nor handled, nor in another."""
-        own = (self.task.target, self.task.manipulated, *self.clutter)
+        own = (self.task.target, self.task.manipulated, SWAPPED, *self.clutter)
         bodies = (name for name, body in self.bodies.items() if name not in own)
         return next((name for name in bodies if not self.bodies[name].inside), "")
 
@@ -139,7 +169,8 @@ class Scene:
         return in_view & ~occluded(blockers, head.pose, points)
 
     def outcome(self, log: StateLog) -> Outcome:
-        return Outcome(log, self.bodies, self.embodiment, self.task.target, self.rules)
+        scene, log = self.by_role(log)
+        return Outcome(log, scene.bodies, self.embodiment, self.task.target, self.rules)
 
     def wording(self) -> Wording:
         """What the instructions are made from."""
@@ -159,14 +190,13 @@ class Scene:
 
     def conditions(self, log: StateLog) -> dict[str, bool]:
         """The success conditions at the end of the log, by name."""
-        return self.task.conditions(self.outcome(log), self.arms)
+        return self.task.conditions(self.outcome(log), self.by_role(log)[0].arms)
 
     def condition_history(self, log: StateLog) -> dict[str, NDArray[np.bool_]]:
         """Conditions (T,) by name for the log cut after each frame."""
-        outcome = self.outcome(log)
+        outcome, arms = self.outcome(log), self.by_role(log)[0].arms
         rows = [
-            self.task.conditions(outcome.until(frames), self.arms)
-            for frames in range(1, len(log) + 1)
+            self.task.conditions(outcome.until(frames), arms) for frames in range(1, len(log) + 1)
         ]
         return {name: np.array([row[name] for row in rows], bool) for name in rows[-1]}
 
@@ -188,15 +218,17 @@ def build_scene(spec: EpisodeSpec, rules: Rules = STRICT) -> Scene:
         bodies = lay_out(task, draw, in_view, lambda bodies: suits(task, bodies, embodiment.sides))
     except PlanFailure as failure:
         raise Failure("layout", failure.reason, str(failure)) from failure
+    if any("swap" in event.kinds for event in rules.events):
+        bodies |= {SWAPPED: replacement(task, bodies, spec.rng("events/swap"))}
     others = clutter(spec, bodies, embodiment, rules)
     return Scene(spec, task, embodiment, bodies | others, task.arms(bodies), tuple(others), rules)
 
 
 def success_time(scene: Scene, log: StateLog) -> float | None:
     """Time (s) from which all success conditions hold until the end, or None."""
-    outcome, since = scene.outcome(log), None
+    outcome, arms, since = scene.outcome(log), scene.by_role(log)[0].arms, None
     for frames in range(len(log), 0, -1):
-        if failed(scene.task.conditions(outcome.until(frames), scene.arms)):
+        if failed(scene.task.conditions(outcome.until(frames), arms)):
             break
         since = float(log.times[frames - 1])
     return since

@@ -1,22 +1,26 @@
 """Layouts, and the object families and arms that they need."""
 
-from collections.abc import Callable, Collection, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from dataclasses import replace
 from functools import cache
 from typing import Any
 
 import numpy as np
 
 from pipeline.data.names import SIDES
+from pipeline.motion.scenery import AWAY
 from pipeline.planning.failure import PlanFailure
 from pipeline.poses import Pose, compose, yawed
 from pipeline.world.objects.contract import Family
 from pipeline.world.physics.body import Body, apart, outline_of
+from pipeline.world.physics.events import SWAPPED, in_roles
 
 from .contract import Draw, Placement, Region, Task, UndeclaredFamily, family_of, name_of
 
 TRIALS = 32  # layouts that are drawn to find the families of a task
 NAMED = 8  # layouts that are drawn to find the names of its bodies
 _LAYOUTS = 50  # layouts that are drawn until all bodies find room
+_REPLACEMENTS = 300  # instances that are drawn for a swap
 _POSES = 20  # poses that are drawn for a body before its layout is given up
 
 
@@ -142,3 +146,38 @@ def can_do(task: Task, sides: Collection[str]) -> bool:
 def middle(pose: np.ndarray, instance: Family) -> np.ndarray:
     """World point (3,) half way up a body: what the head camera must see of a target."""
     return pose[:3] + np.array([0, 0, instance.shape().aabb()[1, 2] / 2])
+
+
+def others_asked(task: Task, bodies: Mapping[str, Body], sides: Collection[str]) -> list[str]:
+    """The moving bodies that an instruction can ask for in place of the target: of its family,
+    named by other words than any other, within reach of `sides`."""
+    target, words = task.target, dict[str, dict[str, str]]()
+    for name in task.movers:
+        if bodies[name].family == bodies[target].family:
+            asked = in_roles(bodies, {target: name, name: target})
+            words[name] = task.choices(asked) if suits(task, asked, sides) else {}
+    told = [task.choices(dict(bodies)), *words.values()]
+    return [name for name, choice in words.items() if choice and told.count(choice) == 1]
+
+
+def admits_instruction(task: Task) -> bool:
+    """Whether another of the task's bodies can be asked for."""
+    drawn = (lay_out(task, _Recording(seed)) for seed in range(2 if task.movers else 0))
+    return any(others_asked(task, bodies, SIDES) for bodies in drawn)
+
+
+def admits_swap(task: Task) -> bool:
+    """Whether nothing lies in the target."""
+    return not any(placement.inside == task.target for placement in _placed(task))
+
+
+def replacement(task: Task, bodies: Mapping[str, Body], rng: np.random.Generator) -> Body:
+    """Another instance of the target's family for which the same words ask, waiting unseen. Raises
+    PlanFailure("layout")."""
+    old = bodies[task.target]
+    for _ in range(_REPLACEMENTS):
+        new = replace(old, name=SWAPPED, instance=type(old.instance).draw(rng), pose=AWAY)
+        asked = task.choices({**bodies, task.target: new})
+        if new.instance != old.instance and asked == task.choices(dict(bodies)):
+            return new
+    raise PlanFailure("layout", f"nothing like the {task.target} can be swapped for it")

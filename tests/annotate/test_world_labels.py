@@ -191,7 +191,7 @@ def test_boxes_hold_all_vertices_and_touch_the_outermost_ones(seen):
 def test_twists_are_what_moves_points_and_the_recorded_ones_of_the_target(seen):
     rng = np.random.default_rng(0)
     log, local = seen.log, rng.normal(size=3)
-    twist = twists_of(log, "wall")
+    twist = twists_of(log, seen.meta.model_copy(update={"target": "wall"}))
     at = transform(log.poses[:, 0], local)
     moved = (at[2] - at[0]) / (log.times[2] - log.times[0])
     arm = quat_rotate(log.poses[1, 0, 3:], local)

@@ -105,7 +105,7 @@ def test_an_expert_that_waits_for_an_error_takes_over_where_the_hand_is_astray(s
 def test_advice_leads_to_the_moving_target(scene, motion):
     """A robot that follows the labels alone rings the bell."""
     actor = scene.start(motion, 15, "advice", ReactiveActor)
-    actor.attend(Recipe().sight, scene.task.workspace, scene.spec.rng("sight"))
+    actor.attend(Recipe().sight, scene.task, scene.spec.rng("sight"))
     actor.wait(1 / 15)
     adviser = Adviser(actor, scene.task.meet, 15)
     for _ in range(90):

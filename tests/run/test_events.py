@@ -31,6 +31,7 @@ def pair(tmp_path_factory):
         ("build", {"kind": "freeze", "cameras": ["nose"]}, "no camera 'nose'"),
         ("build", {"kind": ["push", "goal"]}, "click_bell"),
         ("build", {"kind": "latency"}, "latency"),
+        ("build", {"kind": "instruction"}, "pick_named"),
         ("evaluate", {"kind": "goal"}, "click_bell"),
         ("evaluate", {"kind": "freeze", "cameras": ["nose"]}, "no camera 'nose'"),
     ],

@@ -101,7 +101,7 @@ def test_success_holds_in_the_scene_built_again(made):
 
 
 def test_the_group_interception_follows_from_the_state_log(made):
-    derived = Interception(made.e.meta, made.log, made.motion, made.log.pose(made.e.meta.target))
+    derived = Interception(made.e.meta, made.log, made.motion)
     for key, wanted in physics_arrays(derived, conditions_of(made.e.interception)).items():
         assert np.array_equal(made.e.interception[key], wanted), key
     assert made.e.meta.physics_id == physics_id(made.e.spec, made.log)
@@ -150,4 +150,6 @@ def test_cameras_are_where_they_are_mounted_and_tracks_where_bodies_are(made):
 
 
 def test_sentences_are_those_of_the_scene(made):
-    assert sentences(made.scene, made.dataset.recipe().instructions) == dict(made.e.instructions)
+    assert sentences(made.scene, made.log, made.dataset.recipe().instructions) == dict(
+        made.e.instructions
+    )

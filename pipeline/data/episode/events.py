@@ -2,6 +2,7 @@
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Annotated, Any, Literal, NamedTuple, Self, get_args
 
 import numpy as np
@@ -11,13 +12,15 @@ from pydantic import (
     BaseModel,
     BeforeValidator,
     ConfigDict,
+    SerializerFunctionWrapHandler,
     field_validator,
+    model_serializer,
     model_validator,
 )
 
 from pipeline.data.names import CAMERAS
 
-from .state_log import Event
+from .state_log import Event, StateLog
 
 EventKind = Literal[
     "stop",
@@ -27,9 +30,13 @@ EventKind = Literal[
     "second",
     "goal",
     "occluder",
+    "tunnel",
+    "barrier",
     "light",
     "freeze",
     "slip",
+    "instruction",
+    "swap",
     "latency",
 ]
 Phase = Literal["approach", "near", "after"]
@@ -45,13 +52,17 @@ AMOUNTS = {
     "second": 0.15,
     "goal": 0.06,
     "occluder": 0.12,
+    "tunnel": 0.12,
+    "barrier": 0.14,
     "light": 0.15,
     "latency": 0.3,
 }
-"""Defaults: factor; m/s; m/s; m; m covered around the target; share of the light that stays; s."""
+"""Defaults: factor; m/s; m/s; m; m covered around the target; m of length; m of height; share of
+the light that stays; s."""
 
 LASTING = {"slip": 0.2}  # default seconds of a kind that ends by itself
 CHANGES = ("stop", "reverse", "speed", "push")  # kinds that change the target's motion
+EXCHANGES = {"instruction", "swap"}  # kinds that give the target's role to another body, for good
 OF_CAMERAS = {"light", "freeze"}  # kinds that change images of single cameras
 
 TRIGGERS = {
@@ -170,6 +181,9 @@ class EventSpec(_Strict):
             raise ValueError(f"gives an amount, which {which} does not have")
         if self.cameras and not kinds & OF_CAMERAS:
             raise ValueError(f"names cameras, which {which} does not change")
+        late = self.when.meeting is not None or self.when.phase == "after"
+        if kinds & EXCHANGES and (late or self.lasts is not None):
+            raise ValueError(f"lasts, or comes after the meeting, which {which} cannot")
         most = self.amount[1] if isinstance(self.amount, tuple) else self.amount
         if "light" in kinds and (most or 0) > 1:
             raise ValueError("gives an amount above 1: light keeps a share of the light, 0 to 1")
@@ -197,6 +211,12 @@ def _listed(value: Any) -> Any:
 def _in_turn(events: tuple[EventSpec, ...]) -> tuple[EventSpec, ...]:
     if events and events[0].when.after is not None:
         raise ValueError("begins with an event `after` the one before it, and there is none")
+    kinds = [event.kinds for event in events]
+    for n, own in enumerate(kinds):
+        others = set[str]().union(*kinds[:n], *kinds[n + 1 :])
+        if own & EXCHANGES and (both := others & {*EXCHANGES, *CHANGES}):
+            exchange, other = sorted(own & EXCHANGES)[0], sorted(both)[0]
+            raise ValueError(f"have {exchange} and {other}: give an episode one of the two")
     return events
 
 
@@ -210,7 +230,7 @@ Events = Annotated[
 
 class DrawnEvent(_Strict):
     """An event with all numbers drawn; it happens when `trigger` reaches `value`; `lasts` is in
-    s, `turn` in rad.
+    s, `turn` in rad. `body` is what takes the target's role, "" for none.
     """
 
     name: str
@@ -221,6 +241,15 @@ class DrawnEvent(_Strict):
     amount: float = 0.0
     turn: float = 0.0
     cameras: tuple[str, ...] = ()
+    body: str = ""
+
+    @model_serializer(mode="wrap")
+    def _written(self, write: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Without a body that is none, which earlier files do not have."""
+        values = write(self)
+        if not self.body:
+            values.pop("body", None)
+        return values
 
     def shows(self, camera: str) -> bool:
         """Whether it changes the images of a camera of this name in a file."""
@@ -282,3 +311,25 @@ def spans(drawn: Sequence[DrawnEvent], log: Sequence[Event]) -> list[Span]:
         for event in drawn
         if event.name in starts
     ]
+
+
+def exchanged(drawn: Sequence[DrawnEvent], log: Sequence[Event]) -> Span | None:
+    """The event that gave the target's role to another body, if it happened."""
+    return next((span for span in spans(drawn, log) if span.event.body), None)
+
+
+def by_role(log: StateLog, drawn: Sequence[DrawnEvent], target: str) -> StateLog:
+    """The log in which, from an exchange on, the names of the target and of the body that took its
+    role stand for each other: `target` is what was asked for at each frame."""
+    span = exchanged(drawn, log.events)
+    if span is None:
+        return log
+    i, j = log.bodies.index(target), log.bodies.index(span.event.body)
+    late, contacts, poses = span.holds(log.times), log.contacts.copy(), log.poses.copy()
+    poses[np.ix_(late, [i, j])] = poses[np.ix_(late, [j, i])]
+    takes = np.arange(len(log.bodies))
+    takes[[i, j]] = j, i
+    rows = late[np.minimum(contacts["frame"], len(log) - 1)]
+    pairs = np.sort(takes[np.stack([contacts["a"], contacts["b"]])], axis=0)
+    contacts["a"][rows], contacts["b"][rows] = pairs[:, rows]
+    return replace(log, poses=poses, contacts=contacts)

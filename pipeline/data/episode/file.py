@@ -25,6 +25,9 @@ from .state_log import Event, SkillRun, StateLog, Touch
 
 SCHEMA = 4  # version of the layout (docs/formats.md): a file of another one is not read
 
+SPLITS = ("seen", "unseen", "seen_after", "unseen_after")
+"""Lists of instructions; the last two if an event changed what is asked for."""
+
 FIRST_CONTACT, ATTEMPTS = "interception/first_contact", "attempts"
 INFLATION = 4000  # no dataset is larger than its file by more: gzip shortens a thousandfold
 
@@ -159,7 +162,7 @@ class EpisodeFile(AbstractContextManager["EpisodeFile"]):
         return self.meta.fps
 
     def instructions(self, split: str = "seen") -> list[str]:
-        """The instructions of split "seen" or "unseen"."""
+        """The instructions of one of SPLITS."""
         with self._reading(f"instruction/{split} is no list of texts"):
             return [s.decode() for s in self.array(f"instruction/{split}")]
 
@@ -256,7 +259,8 @@ class EpisodeFile(AbstractContextManager["EpisodeFile"]):
                 intervention=self._optional("intervention"),
                 expert_action=self._optional("expert_action"),
             )
-            split = {s: self.instructions(s) for s in ("seen", "unseen")}
+            stored = [s for s in SPLITS if s in ("seen", "unseen") or self.has(f"instruction/{s}")]
+            split = {s: self.instructions(s) for s in stored}
             motion, tried = self.array("motion").item().decode(), self.attempts() or ()
             return Episode(
                 self.spec, log, motion, split, self.meta, self.cameras, self.interception(), tried

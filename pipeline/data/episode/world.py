@@ -10,6 +10,8 @@ from pipeline.data.actions import rotations_of
 from pipeline.data.cameras import Surfaces
 from pipeline.poses import Floats, quat_conjugate, quat_multiply
 
+from .events import exchanged
+from .meta import EpisodeMeta
 from .state_log import StateLog
 
 
@@ -36,9 +38,9 @@ class WorldTruth:
     visible: NDArray[np.float32]
 
 
-def twists_of(log: StateLog, target: str) -> Floats:
-    """World twists (T,B,6): origin velocity (m/s), angular velocity (rad/s). The target's is
-    recorded, others are pose differences.
+def twists_of(log: StateLog, meta: EpisodeMeta) -> Floats:
+    """World twists (T,B,6): origin velocity (m/s), angular velocity (rad/s). The first
+    target's is recorded, others are pose differences.
     """
     frames = np.arange(len(log))
     before, after = np.maximum(frames - 1, 0), np.minimum(frames + 1, len(log) - 1)
@@ -46,10 +48,12 @@ def twists_of(log: StateLog, target: str) -> Floats:
     turned = quat_multiply(log.poses[after, :, 3:], quat_conjugate(log.poses[before, :, 3:]))
     moved = log.poses[after, :, :3] - log.poses[before, :, :3]
     twists = np.concatenate([moved, rotations_of(turned, "axis-angle")], -1) / seconds
-    index = log.bodies.index(target)
-    twists[:, index, :3] = log.target_velocity
+    index = log.bodies.index(meta.target)
+    span = exchanged(meta.events, log.events)
+    own = slice(None) if span is None else ~span.holds(log.times)
+    twists[own, index, :3] = log.target_velocity[own]
     if log.target_angular_velocity is not None:
-        twists[:, index, 3:] = log.target_angular_velocity
+        twists[own, index, 3:] = log.target_angular_velocity[own]
     return twists
 
 

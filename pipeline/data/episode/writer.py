@@ -14,6 +14,7 @@ from pipeline.data.cameras import View, cam2world_gl, extrinsics_cv, intrinsics
 from pipeline.data.keys import canonical
 from pipeline.data.names import SIDES
 
+from .events import by_role
 from .file import ATTEMPTS, FIRST_CONTACT, SCHEMA, Episode
 from .frames import encode_frames
 from .hdf5 import HASHES, content_hashes, new_hdf5
@@ -68,8 +69,8 @@ def _write_header(f: h5py.File, e: Episode) -> None:
     f["skills"] = json.dumps([asdict(run) for run in e.log.skills])
     if e.attempts:
         f[ATTEMPTS] = json.dumps(list(e.attempts), sort_keys=True)
-    for split in ("seen", "unseen"):
-        f[f"instruction/{split}"] = np.array(e.instructions[split], dtype=h5py.string_dtype())
+    for split, texts in e.instructions.items():
+        f[f"instruction/{split}"] = np.array(texts, dtype=h5py.string_dtype())
 
 
 def _write_log(f: h5py.File, e: Episode) -> None:
@@ -89,7 +90,7 @@ def _write_log(f: h5py.File, e: Episode) -> None:
     for i, side in enumerate(log.sides):
         f[f"endpose/{side}_endpose"] = log.tcp[:, i]
         f[f"endpose/{side}_gripper"] = log.state[:, names.index(f"{side}_gripper")]
-    f["target/pose"] = log.pose(e.meta.target)
+    f["target/pose"] = by_role(log, e.meta.events, e.meta.target).pose(e.meta.target)
     f["target/velocity"] = log.target_velocity
     if log.target_angular_velocity is not None:
         f["target/angular_velocity"] = log.target_angular_velocity

@@ -18,7 +18,14 @@ from pipeline.evaluate.policies.policy import observe
 from pipeline.evaluate.scenes.benchmark import frozen_scenes
 from pipeline.evaluate.scenes.case import UNSEEN, Case, blind, setup_of
 from pipeline.evaluate.scenes.manifests import case_of_seed, check_case, training_scenes
-from pipeline.evaluate.scenes.trial import SUCCESS, TIME_LIMIT, Eyes, Trial, instruction_of
+from pipeline.evaluate.scenes.trial import (
+    SUCCESS,
+    TIME_LIMIT,
+    Eyes,
+    Trial,
+    instruction_now,
+    instruction_of,
+)
 from pipeline.evaluate.scoring.metrics import score
 from pipeline.motion.models import levels_of
 from pipeline.tasks import TASKS
@@ -209,7 +216,8 @@ class DominoEnv(gymnasium.Env[Any, NDArray[np.float32]]):
 
     def _observe(self, progress: TaskProgress) -> Any:
         eyes = self._eyes if self.setup.cameras else None
-        seen = observe(self.trial, eyes, self.task_description)
+        now = instruction_now(self.trial, self._split, self.task_description)
+        seen = observe(self.trial, eyes, now)
         return self._view.observe(self.trial, seen, progress)
 
     def _draw_case(self, seed: int | None) -> Case:

@@ -44,7 +44,7 @@ class Reactive(Interceptor):
 
         def act(give: Callable[[Floats], None]) -> None:
             actor.begin(give, trial, self._memory)
-            actor.attend(self._sight, scene.task.workspace, case.spec.rng("sight"))
+            actor.attend(self._sight, scene.task, case.spec.rng("sight"))
             with suppress(PlanFailure):
                 while not np.isfinite(actor.track.time):
                     actor.wait(1 / trial.fps)

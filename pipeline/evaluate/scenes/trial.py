@@ -176,7 +176,8 @@ class StepConditions:
         log, simulation = self._recorder.log(), self._simulation
         if simulation.time > log.times[-1] + 1e-9:
             log = with_frame(log, simulation)
-        return self._scene.task.conditions(Watched(self._scene, log, self._peaks), self._scene.arms)
+        scene, log = self._scene.by_role(log)
+        return scene.task.conditions(Watched(scene, log, self._peaks), scene.arms)
 
 
 def with_frame(log: StateLog, simulation: Simulation) -> StateLog:
@@ -242,6 +243,12 @@ class Eyes:
 
     def close(self) -> None:
         self._renderer.close()
+
+
+def instruction_now(trial: Trial, split: str, words: str) -> str:
+    """The instruction of an episode that began with `words`, or what an event made of it."""
+    roles = trial.simulation.roles
+    return instruction_of(trial.scene.asked(roles), split) if roles else words
 
 
 def instruction_of(scene: Scene, split: str = "unseen") -> str:

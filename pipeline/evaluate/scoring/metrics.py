@@ -105,7 +105,7 @@ def jerk(positions: Floats, fps: float) -> float:
 
 def score(trial: Trial, compounding: bool = False) -> EpisodeScore:
     """After a fault of the policy both scores are 0."""
-    log, scene = trial.log(), trial.scene
+    scene, log = trial.scene.by_role(trial.log())
     success = trial.ending == SUCCESS
     tools = log.tcp[:, :, :3]
     goal = log.pose(scene.task.target)[-1, :3]
@@ -134,7 +134,7 @@ def score(trial: Trial, compounding: bool = False) -> EpisodeScore:
 
 def failure_class(trial: Trial, log: StateLog) -> str:
     """One of FAILURES."""
-    scene = trial.scene
+    scene = trial.scene.by_role(log)[0]
     if trial.ending in (OUT_OF_VIEW, *FAULTS):
         return trial.ending
     if log.time_of("meeting") is None:

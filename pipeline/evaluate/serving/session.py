@@ -173,7 +173,10 @@ class Session:
         committed = _array(committed, "committed", (_length(committed), names), "f")
         state = _array(message.get("state"), "state", (names,), "f").astype(np.float64)
         seen = (images, depth, bodies, cloud, committed.astype(np.float64))
-        return Observation(state, start.instruction, float(seconds), *seen)
+        prompt = message.get("prompt", start.instruction)
+        if not isinstance(prompt, str) or len(prompt) > 2000:
+            raise MessageError("prompt is no text of at most 2000 characters")
+        return Observation(state, prompt, float(seconds), *seen)
 
     def _plain_observation(self, message: Mapping[Any, Any]) -> Observation:
         """openpi's own; `time` counts periods of chunks so far."""

@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from dataclasses import replace
+from typing import ClassVar, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,6 +18,8 @@ from pipeline.planning.failure import PlanFailure
 from pipeline.planning.path import IsFree
 from pipeline.planning.planner import NO_ARM
 from pipeline.poses import Floats, Pose, compose, inverse
+from pipeline.world.physics.body import Body
+from pipeline.world.physics.events import in_roles
 
 from .controller import CONTROL_HZ, PERIOD, Command, ReactiveExpert
 from .imagination import PACE, MeetingPlan, Script, imagine
@@ -48,20 +51,39 @@ ROUNDS = 8  # of planning, waiting in between, before it gives up
 TRIES = 5  # to touch the target
 
 
+class Attended(Protocol):
+    """What the expert knows of a task: where the target moves, and which arm has which role."""
+
+    workspace: ClassVar[Workspace]
+
+    def arms(self, bodies: dict[str, Body]) -> dict[str, str]: ...
+
+
 class ReactiveActor(Actor):
     """An expert that sees the target's poses up to now; call `attend` first. `believed` poses (7,)
     replace measured ones.
     """
 
-    def attend(self, sight: Sight, workspace: Workspace, rng: np.random.Generator) -> None:
-        """Begin to look at the target in its `workspace`; `rng` draws the errors of sight."""
-        self.sight, self.workspace, self._sight_rng = sight, workspace, rng
+    def attend(self, sight: Sight, task: Attended, rng: np.random.Generator) -> None:
+        """Begin to look at the target of a task; `rng` draws the errors of sight."""
+        self.sight, self.workspace, self._sight_rng = sight, task.workspace, rng
+        self._roles, self._task = self.simulation.roles, task
+        self._see_anew()
+        self._look()
+
+    def _see_anew(self) -> None:
         shape = self.bodies[self.simulation.target].instance.shape()
         ball = all(piece.kind == "sphere" for piece in shape.collision)
-        self.track = TargetFilter(sight.noise, shape.aabb().mean(axis=0), ball=ball)
+        self.track = TargetFilter(self.sight.noise, shape.aabb().mean(axis=0), ball=ball)
         self.believed = dict[str, Pose]()
         self._late = list[tuple[float, Pose]]()
-        self._look()
+
+    def _take_roles(self) -> None:
+        """Turn to the body that an event made the target."""
+        self._roles = self.simulation.roles
+        self.bodies = in_roles(self.bodies, self._roles)
+        self.arms, self._frames = self._task.arms(self.bodies), {}
+        self._see_anew()
 
     def pose(self, name: str) -> Pose:
         """World pose (7,) of a body, measured or believed."""
@@ -75,6 +97,8 @@ class ReactiveActor(Actor):
             self._look()
 
     def _look(self) -> None:
+        if self._roles is not self.simulation.roles:
+            self._take_roles()
         now, seen = self.simulation.time, self.simulation.pose(self.simulation.target)
         hidden = self.is_hidden(seen[:3])
         seen[:3] += self._sight_rng.normal(0.0, 1.0, 3) * self.sight.noise
@@ -121,13 +145,15 @@ class ReactiveActor(Actor):
         )
 
     def _prepare(self, plan: MeetingPlan, script: Script) -> MeetingPlan:
-        began = self.simulation.steps
+        began, roles = self.simulation.steps, self._roles
         for row in range(plan.last):
             self.advance(plan.commands[row], plan.velocities[row])
             self._refuse_touch()
         self._note(plan, [(0, began), (plan.last, self.simulation.steps)])
         self._hold(0.0)
         self.held = dict(plan.holding)
+        if self._roles is not roles:
+            return self.plan(script, rest=True)
         return self._newer(script) or plan
 
     def _newer(self, script: Script) -> MeetingPlan | None:
@@ -154,6 +180,8 @@ class ReactiveActor(Actor):
             if n:
                 self._hold(WAITING)
                 self._refuse_touch()
+            if not np.isfinite(self.track.time):
+                self._hold(self.watched_for)
             if not self.workspace.contains(self.track.predict(self.simulation.time), -GONE):
                 raise PlanFailure("missed", f"the {self.simulation.target} has left its workspace")
             for seconds, share in GUESSES:
@@ -202,7 +230,12 @@ class ReactiveActor(Actor):
         bars = [(self._checker(*near), self._checker(*planned)) for near, planned in GAPS]
         expert.follow(plan, bars)
         passed, renew = [(expert.row, self.simulation.steps)], self.simulation.time + RENEWED
-        while not expert.done and (self.simulation.released or not expert.hindered):
+        roles = self._roles
+        while (
+            not expert.done
+            and self._roles is roles
+            and (self.simulation.released or not expert.hindered)
+        ):
             if not expert.near and self.simulation.time >= renew:
                 renew = self.simulation.time + RENEWED
                 left = (plan.met - expert.row) / (PACE * PHYSICS_HZ)
@@ -220,7 +253,7 @@ class ReactiveActor(Actor):
                 self._refuse_touch()
             passed.append((expert.row, self.simulation.steps))
         met = bool(self.simulation.touched_by)
-        while not met and expert.row > plan.near:
+        while not met and self._roles is roles and expert.row > plan.near:
             self._run(expert.back(self.track, self.simulation.time))
             self._refuse_touch()
         while expert.moving:

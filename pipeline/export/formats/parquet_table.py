@@ -144,9 +144,10 @@ def _columns(index: int, facts: Facts, plan: Plan) -> Iterator[tuple[str, Any]]:
     frames, log, derived = len(facts), facts.log, interception(facts)
     spec, meta, target = facts.spec, facts.meta, facts.target[:, :3]
     of_meta = {"physics_id": meta.physics_id, "variant": meta.variant}
-    constants = vars(spec) | of_meta | {"instruction": facts.instruction}
+    constants = {name: [value] * frames for name, value in (vars(spec) | of_meta).items()}
+    constants["instruction"] = facts.spoken
     for name, kind in CONSTANTS.items():
-        yield name, pa.array([constants[name]] * frames, kind)
+        yield name, pa.array(constants[name], kind)
     numbers = np.arange(frames)
     yield from {"episode_index": np.full(frames, index), "frame_index": numbers}.items()
     yield from {"is_first": numbers == 0, "is_last": numbers == frames - 1}.items()

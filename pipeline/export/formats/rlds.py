@@ -103,7 +103,7 @@ def episode_features(file: EpisodeFile, facts: Facts, options: RldsOptions) -> d
     values: dict[str, Value] = {
         "steps/observation/state": facts.log.state.astype(np.float32).ravel(),
         "steps/action": facts.action.astype(np.float32).ravel(),
-        "steps/language_instruction": [facts.instruction.encode()] * count,
+        "steps/language_instruction": [text.encode() for text in facts.spoken],
         "steps/reward": (last & success).astype(np.float32),
         "steps/discount": np.ones(count, np.float32),
         "steps/is_first": (frames == 0).astype(np.int64),

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.data.episode.events import spans
+from pipeline.data.episode.events import by_role, spans
 from pipeline.data.episode.world import contact_forces, twists_of
 from pipeline.data.names import SIDES
 from pipeline.motion.models import motion_from_json
@@ -21,7 +21,7 @@ def interception(facts: Facts) -> Interception:
         motion = motion_from_json(facts.motion)
     except ValueError as error:
         raise ExportError(f"{facts.source}: {error}") from error
-    return Interception(facts.meta, facts.log, motion, facts.target)
+    return Interception(facts.meta, facts.log, motion)
 
 
 def event_columns(facts: Facts) -> tuple[list[str], NDArray[np.float32]]:
@@ -36,7 +36,8 @@ def event_columns(facts: Facts) -> tuple[list[str], NDArray[np.float32]]:
 
 def contact_flags(facts: Facts, body: str) -> NDArray[np.float32]:
     """Flags (T,2), left and right: 1 after a touch in the interval that ends there."""
-    bodies, rows = facts.log.bodies, facts.log.contacts
+    log = by_role(facts.log, facts.meta.events, facts.meta.target)
+    bodies, rows = log.bodies, log.contacts
     flags = np.zeros((len(facts), len(SIDES)), np.float32)
     a, b = rows["a"], rows["b"]
     for column, side in enumerate(SIDES):
@@ -102,7 +103,7 @@ def label_values(facts: Facts, labels: Sequence[str], joint: str = "_") -> dict[
         if label == "poses":
             of_bodies = log.poses
         elif label == "twists":
-            of_bodies = twists_of(log, facts.meta.target)
+            of_bodies = twists_of(log, facts.meta)
         else:  # the sum of the contact forces on each body
             of_bodies = np.zeros((len(log), len(log.bodies)))
             forces = contact_forces(log, facts.meta.physics_hz)

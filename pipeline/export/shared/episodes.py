@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.data.actions import JOINTS, ActionCodec, Representation, pad_arms
+from pipeline.data.episode.events import exchanged
 from pipeline.data.episode.file import EpisodeError, EpisodeFile
 from pipeline.data.episode.meta import EpisodeMeta
 from pipeline.data.episode.state_log import StateLog
@@ -59,6 +60,19 @@ class Facts:
     representation: Representation = JOINTS
     more: tuple[Representation, ...] = ()  # exported beside it
     labels: tuple[str, ...] = ()
+    after: str = ""  # the instruction once an event has changed it
+
+    @cached_property
+    def spoken(self) -> list[str]:
+        """The instruction of each frame (T,)."""
+        span = exchanged(self.meta.events, self.log.events) if self.after else None
+        holds = np.zeros(len(self), bool) if span is None else span.holds(self.log.times)
+        return [self.after if late else self.instruction for late in holds]
+
+    @property
+    def told(self) -> list[str]:
+        """The instructions of the exported frames, each once."""
+        return list(dict.fromkeys(self.spoken[: self.kept]))
 
     def __len__(self) -> int:
         return len(self.log)
@@ -221,6 +235,7 @@ def read_facts(
         *(cameras, sizes.pop(), poses, episode.interception),
         frames if after_success is None else log.frames_until("success", after_success),
         representation,
+        after=choose_instruction(episode.spec, episode.instructions.get("seen_after") or [""]),
     )
 
 

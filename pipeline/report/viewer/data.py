@@ -49,7 +49,7 @@ def episode_data(path: Path, dataset: Path) -> dict[str, Any]:
     with open_episode(path) as e:
         episode = e.read()
         log, meta = episode.log, e.meta
-        derived = Interception(meta, log, motion_from_json(episode.motion), log.pose(meta.target))
+        derived = Interception(meta, log, motion_from_json(episode.motion))
         for camera in e.cameras:
             outlines, flow = _annotations(camera, dataset, path)
             cameras[camera] = _camera(e, camera, derived, outlines)

@@ -74,20 +74,26 @@ def episode_of(rollout: Rollout, recipe: Recipe, drawing: Drawing, keys: SlotKey
         physics_id=physics_id(scene.spec, log),
         **keys.header(),
     )
-    derived = Interception(meta, log, rollout.motion, log.pose(task.target))
+    derived = Interception(meta, log, rollout.motion)
     return Episode(
         scene.spec,
         log,
         rollout.motion.to_json(),
-        sentences(scene, recipe.instructions),
+        sentences(scene, log, recipe.instructions),
         meta,
         interception=physics_arrays(derived, scene.condition_history(log)),
     )
 
 
-def sentences(scene: Scene, count: int) -> dict[str, list[str]]:
-    """`count` seen and unseen instructions for a scene, from its own stream."""
-    return instructions(scene.wording(), scene.spec.rng("language"), count)
+def sentences(scene: Scene, log: StateLog, count: int) -> dict[str, list[str]]:
+    """`count` seen and unseen instructions for a scene, from its own stream, and as many for what
+    an event of the log made of it."""
+    spoken = instructions(scene.wording(), scene.spec.rng("language"), count)
+    asked = scene.by_role(log)[0]
+    if asked is not scene:
+        later = instructions(asked.wording(), scene.spec.rng("language"), count)
+        spoken |= {f"{split}_after": texts for split, texts in later.items()}
+    return spoken
 
 
 @dataclass(eq=False)
@@ -171,7 +177,7 @@ def renew(
         images = draw(dataset, scene, old.log, recipe)
     meta = old.meta.model_copy(update={"drawing": images.drawing, **keys.header()})
     # version 0.1 stored no attempts in its episodes
-    spoken, tried = sentences(scene, recipe.instructions), untimed(old_entry.attempts)
+    spoken, tried = sentences(scene, old.log, recipe.instructions), untimed(old_entry.attempts)
     episode = replace(old, instructions=spoken, meta=meta, attempts=tried)
     sha, facts = write(dataset.episode(slot), episode, images)
     return replace(old_entry, keys=keys, sha256=sha, file=facts)

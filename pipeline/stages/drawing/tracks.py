@@ -3,9 +3,11 @@
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.data.cameras import world_poses
+from pipeline.data.episode.events import exchanged
 from pipeline.data.episode.state_log import StateLog
 from pipeline.data.names import HEAD
 from pipeline.data.setup import Setup
@@ -39,7 +41,10 @@ def require_view(rollout: Rollout, setup: Setup) -> None:
     log, target = rollout.replay.log, rollout.scene.task.target
     head = setup.model_copy(update={"cameras": ("head",), "size": None})
     seen = appearance_of(rollout.scene, head)
-    share = track_arrays(seen, log, [target])[f"{TRACKS}{HEAD}/visible"][:, 0]
+    span = exchanged(rollout.scene.events, log.events)
+    names = [target] if span is None else [target, span.event.body]
+    each = track_arrays(seen, log, names)[f"{TRACKS}{HEAD}/visible"]
+    share = each[:, 0] if span is None else np.where(span.holds(log.times), *each.T[::-1])
     last = before_meeting(log, share)
     if not is_unoccluded(last):
         raise _occluded(rollout, last)

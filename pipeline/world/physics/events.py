@@ -2,24 +2,36 @@
 scenery."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from pipeline.data.clock import PHYSICS_HZ
-from pipeline.data.episode.events import CHANGES, ENDED, FIRED, NEAR, WITHHELD, DrawnEvent, Phase
+from pipeline.data.episode.events import (
+    CHANGES,
+    ENDED,
+    EXCHANGES,
+    FIRED,
+    NEAR,
+    WITHHELD,
+    DrawnEvent,
+    Phase,
+)
 from pipeline.data.episode.state_log import Event
 from pipeline.motion.scenery import AWAY, Piece, Prop
 from pipeline.motion.wrapped import Change
 from pipeline.poses import IDENTITY, Floats, Pose, compose, frame, inverse, pose, quat_rotate
 from pipeline.world.robots.contract import Embodiment
 
-from .body import TABLE_TOP, Motion
+from .body import TABLE_TOP, Body, Motion
 
 PROP = "event_"
-"""What the names of such scenery begin with."""
+"""What the names of such scenery, and of a body that waits for its event, begin with."""
+
+SWAPPED = f"{PROP}swap"
+"""The body that takes the target's place, and waits below the floor until then."""
 
 BOARD = (0.35, 0.25, 0.5)
 """An occluder: its place on the way from the camera to the target (share), the time (s) in which it
@@ -54,6 +66,8 @@ class EventfulWorld(Protocol):
     def pose(self, name: str) -> Pose: ...
     def tcp(self, side: str) -> Pose: ...
     def change(self, change: Change) -> None: ...
+    def can_take(self, name: str) -> bool: ...
+    def exchange(self, name: str) -> None: ...
     def shift(self, name: str, velocity: Floats) -> None: ...
 
 
@@ -179,6 +193,8 @@ class EventScript:
         )
 
     def _is_due(self, event: DrawnEvent, before: float, s: EventfulWorld) -> bool:
+        if event.kind in EXCHANGES and not s.can_take(event.body):
+            return False
         value, met = event.value, s.touched_at / PHYSICS_HZ if s.touched_at >= 0 else np.inf
         if isinstance(value, str):
             return _ORDER[phase_of(s)] >= _ORDER[value]
@@ -204,6 +220,8 @@ class EventScript:
             x = LANE[0] if np.cos(drawn.turn) > 0 else -LANE[0]
             y = float(np.asarray(s.motion.pose(min(self._meeting, s.time + 1.0)))[1]) + LANE[1]
             event.place = pose((x, y, TABLE_TOP + SECOND))
+        elif drawn.kind in EXCHANGES:
+            s.exchange(drawn.body)
         self._change(drawn, s, push=drawn.kind == "push")
 
     def _change(self, drawn: DrawnEvent, s: EventfulWorld, *, push: bool = False) -> None:
@@ -250,3 +268,15 @@ def _pieces(event: DrawnEvent) -> tuple[Piece, ...]:
         return (Piece("box", (SECOND,) * 3, IDENTITY, PLASTIC),)
     half = BOARD[0] * event.amount
     return (Piece("box", (0.002, half, half), IDENTITY, WOOD),)
+
+
+def in_roles(bodies: Mapping[str, Body], roles: Mapping[str, str]) -> dict[str, Body]:
+    """Every body under the name of its role, `roles` where they differ. What is swapped stands
+    where the other did."""
+
+    def taking(name: str) -> Body:
+        other = bodies[roles.get(name, name)]
+        at = bodies[name] if SWAPPED in (name, other.name) else other
+        return replace(other, name=name, pose=at.pose)
+
+    return {name: taking(name) for name in bodies}

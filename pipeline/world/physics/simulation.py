@@ -11,7 +11,8 @@ from pipeline.data.clock import PHYSICS_HZ
 from pipeline.data.episode.state_log import Event
 from pipeline.data.names import SIDES
 from pipeline.motion.contract import TargetMotion
-from pipeline.motion.wrapped import Change, changed, others_of
+from pipeline.motion.scenery import AWAY
+from pipeline.motion.wrapped import Change, changed, led_by, others_of
 from pipeline.poses import (
     Floats,
     Pose,
@@ -28,7 +29,7 @@ from .arms import to_sapien
 from .body import BORNE, Body, Motion, StillMotion
 from .contacts import Contacts, ForceWatch, Overload
 from .drive import AfterTouch, Drive, Hold, ImperfectDrives
-from .events import EventScript
+from .events import PROP, EventScript
 from .scene_building import PhysicsScene, as_pose, move_solid
 
 _QUIET = 0.01  # m/s, below which a body counts as at rest before the clock starts
@@ -66,19 +67,18 @@ class Simulation(PhysicsScene):
         self.released, self.touched_by, self.touched_at = False, "", -1
         self._upcoming_from, self._upcoming, self._waiting = 0, np.empty((0, 7)), False
         self._twists = np.empty((0, 6))
-        self._moved = self._dynamic(target)
-        for name in (target, *self._beside):
+        waiting = {b.name for b in bodies if b.name.startswith(PROP)}
+        for name in (target, *self._beside, *sorted(waiting)):
             self._dynamic(name).set_kinematic(True)
         self._borne = next(b.borne for b in bodies if b.name == target)
-        self._free = {b.name for b in bodies if not b.fixed and b.name != target}
+        self._free = {b.name for b in bodies if not b.fixed} - {target, *waiting}
         named = {component: self.names[i] for component, i in self._index.items()}
         self._forces = ForceWatch(embodiment, named)
-        riders = {b.name for b in bodies if b.inside == target}
-        touchers = (self._free - riders).union(self._link_names)
-        self._touchers = {component for component, name in named.items() if name in touchers}
+        self._riders = {b.name for b in bodies if b.inside == target}
         self._untouched = {component: name for component, name in named.items() if name in clutter}
         self._harmless = {*self._untouched, self._table}
-        self._watched, self._watched_last = self._still_watched(), cast(Contacts | None, None)
+        self._watched_last, self.roles = cast(Contacts | None, None), dict[str, str]()
+        self._take_roles()
         self.command = self.home_vector()
 
     def _first_poses(self, bodies: Sequence[Body]) -> list[Pose]:
@@ -94,6 +94,35 @@ class Simulation(PhysicsScene):
         for name, motion in self._beside.items():
             poses[name] = np.asarray(motion.pose(_START), float)
         return list(poses.values())
+
+    def _take_roles(self) -> None:
+        self._moved = self._dynamic(self.target)
+        bodies = (self._rigid[name] for name in self._free - self._riders)
+        self._touchers: set[Any] = {*bodies, *self._side_of}
+        self._watched = self._still_watched()
+
+    def can_take(self, name: str) -> bool:
+        """Whether a body can take the role of the target, which no hand has touched."""
+        return not (self.touched_by or self.released) and (
+            name in self._beside or name.startswith(PROP)
+        )
+
+    def exchange(self, name: str) -> None:
+        """Give a body the target's role, and the target its. A body that waited takes the target's
+        place as well, others stay on their own motion. `roles` is the physical body by name."""
+        target = self.target
+        for table in (self._entities, self._rigid):
+            table[target], table[name] = table[name], table[target]
+        self.roles = {target: name, name: target}
+        if name.startswith(PROP):
+            self._entities[target].set_pose(self._entities[name].pose)
+            self._entities[name].set_pose(to_sapien(AWAY))
+        else:
+            self.motion = led_by(name, cast(TargetMotion, self.motion))
+            others = others_of(self.motion)
+            self._beside = {each: others[each] for each in self._beside}
+            self._upcoming = self._upcoming[:0]
+        self._take_roles()
 
     def _dynamic(self, name: str) -> sapien.physx.PhysxRigidDynamicComponent:
         body = self._rigid[name]
@@ -282,5 +311,6 @@ class Simulation(PhysicsScene):
 
     def overloads(self) -> list[Overload]:
         """Contacts of the robot in the last step that exceed `Forces`."""
-        rigid = self.target if self.steps == self.touched_at else ""
+        target = self.roles.get(self.target, self.target)
+        rigid = target if self.steps == self.touched_at else ""
         return self._forces.overloads(self.touches, rigid)

@@ -41,6 +41,9 @@ def test_one_word_is_an_event(text, when):
         {"kind": "stop", "cameras": ["head"]},
         {"kind": "stop", "amount": 1.0},
         {"kind": "light", "amount": 1.5},
+        {"kind": "swap", "lasts": 1.0},
+        "instruction@meeting",
+        "instruction@after",
     ],
 )
 def test_other_words_are_refused_in_one_line(wrong):
@@ -112,3 +115,10 @@ def test_without_events_nothing_is_written_of_them():
 def test_pairs_need_events_and_two_slots_each(more):
     with pytest.raises(RecipeError, match="paired"):
         parse_recipe({"tasks": ["click_bell"], "paired": ["events"], **more})
+
+
+@pytest.mark.parametrize("other", ["stop", "swap", "instruction"])
+def test_an_exchange_is_alone_with_the_motion_of_the_target(other):
+    with pytest.raises(RecipeError, match="events have instruction and"):
+        Setup.parse({"events": ["instruction@1", f"{other}@2"]})
+    Setup.parse({"events": ["instruction@1", "light@2", {"kind": ["slip", "freeze"]}]})

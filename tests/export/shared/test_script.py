@@ -107,7 +107,7 @@ def test_where_a_policy_acts_frames_say_so_and_keep_what_the_expert_would_have_d
         facts = read_facts(file, tmp_path)
         plan = Plan(facts, names, {}, {}, (), (), ())
         table = episode_table(0, facts, file, plan, tmp_path)
-    lerobot = data_columns(facts, names, 0, 0, 0)
+    lerobot = data_columns(facts, names, 0, 0, {})
     assert (
         lerobot["intervention"].tolist() == table["intervention"].to_pylist() == [0, 0, 1, 1, 1, 1]
     )

@@ -109,8 +109,9 @@ class Writer(ABC):
         fit."""
         facts, index = episode.facts, self.provenance.count
         same(self.first, facts)
-        task = self.tasks.setdefault(facts.instruction, len(self.tasks))
-        columns = data_columns(facts, self.names, index, self.frames, task)
+        for text in facts.told:
+            self.tasks.setdefault(text, len(self.tasks))
+        columns = data_columns(facts, self.names, index, self.frames, self.tasks)
         stats = {k: vector_stats(v) for k, v in columns.items() if k not in TEXT_FEATURES}
         for camera, counts in episode.colors.items():
             key = image_key(self.names[camera])

@@ -151,7 +151,7 @@ def data_table(columns: Mapping[str, NDArray[Any] | pa.Array], schema: pa.Schema
 
 
 def data_columns(
-    facts: Facts, names: Mapping[str, str], index: int, start: int, task: int
+    facts: Facts, names: Mapping[str, str], index: int, start: int, tasks: Mapping[str, int]
 ) -> dict[str, NDArray[Any]]:
     """Columns (T,) or (T,d) of episode `index`, whose first row is `start`."""
     length, script = len(facts), script_of(facts)
@@ -168,7 +168,7 @@ def data_columns(
         "frame_index": np.arange(length),
         "episode_index": np.full(length, index),
         "index": np.arange(start, start + length),
-        "task_index": np.full(length, task),
+        "task_index": np.array([tasks.get(text, 0) for text in facts.spoken]),
     }
     return {name: values[: facts.kept] for name, values in columns.items()}
 

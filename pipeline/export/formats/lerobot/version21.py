@@ -51,7 +51,7 @@ class V21Writer(Writer):
             place = self._place(VIDEO_PATH, index, image_key(self.names[camera]))
             with closing(VideoFile(place, facts.fps)) as video:
                 video.append(mp4, facts.kept)
-        row = {"episode_index": index, "tasks": [facts.instruction], "length": facts.kept}
+        row = {"episode_index": index, "tasks": facts.told, "length": facts.kept}
         self.rows.append(row)
         plain = {
             key: {stat: entry[stat].tolist() for stat in STATS} for key, entry in stats.items()

@@ -49,7 +49,7 @@ class V3Writer(Writer):
         index, columns, stats = self.begin(episode)
         if self._full(episode):
             self._roll()
-        row: dict[str, Any] = {"episode_index": index, "tasks": [facts.instruction]}
+        row: dict[str, Any] = {"episode_index": index, "tasks": facts.told}
         row |= {"length": length} | _below("data", self.data.place)
         row |= {"dataset_from_index": self.frames, "dataset_to_index": self.frames + length}
         self.data.write(data_table(columns, self.data.schema))
