@@ -326,9 +326,9 @@ def by_role(log: StateLog, drawn: Sequence[DrawnEvent], target: str) -> StateLog
         return log
     i, j = log.bodies.index(target), log.bodies.index(span.event.body)
     late, contacts, poses = span.holds(log.times), log.contacts.copy(), log.poses.copy()
-    poses[np.ix_(late, [i, j])] = poses[np.ix_(late, [j, i])]
     takes = np.arange(len(log.bodies))
     takes[[i, j]] = j, i
+    poses[late] = poses[late][:, takes]
     rows = late[np.minimum(contacts["frame"], len(log) - 1)]
     pairs = np.sort(takes[np.stack([contacts["a"], contacts["b"]])], axis=0)
     contacts["a"][rows], contacts["b"][rows] = pairs[:, rows]

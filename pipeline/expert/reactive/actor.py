@@ -85,6 +85,12 @@ class ReactiveActor(Actor):
         self.arms, self._frames = self._task.arms(self.bodies), {}
         self._see_anew()
 
+    @property
+    def _circumstances(self) -> tuple[object, ...]:
+        """What makes a plan out of date: the roles of bodies, and obstacles that rose."""
+        script = self.simulation.script
+        return self._roles, *(script.obstacles if script else ())
+
     def pose(self, name: str) -> Pose:
         """World pose (7,) of a body, measured or believed."""
         believed = getattr(self, "believed", {})
@@ -145,14 +151,14 @@ class ReactiveActor(Actor):
         )
 
     def _prepare(self, plan: MeetingPlan, script: Script) -> MeetingPlan:
-        began, roles = self.simulation.steps, self._roles
+        began, known = self.simulation.steps, self._circumstances
         for row in range(plan.last):
             self.advance(plan.commands[row], plan.velocities[row])
             self._refuse_touch()
         self._note(plan, [(0, began), (plan.last, self.simulation.steps)])
         self._hold(0.0)
         self.held = dict(plan.holding)
-        if self._roles is not roles:
+        if self._circumstances != known:
             return self.plan(script, rest=True)
         return self._newer(script) or plan
 
@@ -230,10 +236,10 @@ class ReactiveActor(Actor):
         bars = [(self._checker(*near), self._checker(*planned)) for near, planned in GAPS]
         expert.follow(plan, bars)
         passed, renew = [(expert.row, self.simulation.steps)], self.simulation.time + RENEWED
-        roles = self._roles
+        known = self._circumstances
         while (
             not expert.done
-            and self._roles is roles
+            and self._circumstances == known
             and (self.simulation.released or not expert.hindered)
         ):
             if not expert.near and self.simulation.time >= renew:
@@ -253,7 +259,7 @@ class ReactiveActor(Actor):
                 self._refuse_touch()
             passed.append((expert.row, self.simulation.steps))
         met = bool(self.simulation.touched_by)
-        while not met and self._roles is roles and expert.row > plan.near:
+        while not met and self._circumstances == known and expert.row > plan.near:
             self._run(expert.back(self.track, self.simulation.time))
             self._refuse_touch()
         while expert.moving:

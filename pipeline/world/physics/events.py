@@ -20,12 +20,13 @@ from pipeline.data.episode.events import (
     Phase,
 )
 from pipeline.data.episode.state_log import Event
-from pipeline.motion.scenery import AWAY, Piece, Prop
+from pipeline.motion.scenery import AWAY, Piece, Prop, hood
 from pipeline.motion.wrapped import Change
 from pipeline.poses import IDENTITY, Floats, Pose, compose, frame, inverse, pose, quat_rotate
 from pipeline.world.robots.contract import Embodiment
+from pipeline.world.shapes import Collider
 
-from .body import TABLE_TOP, Body, Motion
+from .body import TABLE_THICKNESS, TABLE_TOP, Body, Motion, colliders_of
 
 PROP = "event_"
 """What the names of such scenery, and of a body that waits for its event, begin with."""
@@ -38,6 +39,13 @@ BOARD = (0.35, 0.25, 0.5)
 slides into it, and from how far (m)."""
 
 WOOD = (0.45, 0.33, 0.22)
+
+TUNNEL = (0.08, 0.22)
+"""m; half width and height of a tunnel inside."""
+
+BARRIER, ROOM = (0.005, 0.09), 0.12
+"""Half thickness and half width (m) of a solid board between hand and target, and how far (m) from
+its middle links, bodies and the target's path are when it rises."""
 
 SECOND, PLASTIC = 0.025, (0.15, 0.35, 0.6)
 """Half extent (m) and colour of a box that enters."""
@@ -64,6 +72,7 @@ class EventfulWorld(Protocol):
     @property
     def time(self) -> float: ...
     def pose(self, name: str) -> Pose: ...
+    def poses(self) -> Floats: ...
     def tcp(self, side: str) -> Pose: ...
     def change(self, change: Change) -> None: ...
     def can_take(self, name: str) -> bool: ...
@@ -88,7 +97,7 @@ class RunningEvent:
 
     def at(self, t: ArrayLike) -> Floats:
         """The pose (...,7) of this event's scenery."""
-        return self.board(t) if self.drawn.kind == "occluder" else self._box(t)
+        return self._box(t) if self.drawn.kind == "second" else self.board(t)
 
     def _box(self, t: ArrayLike) -> Floats:
         """The pose (...,7) of a box that crosses the table."""
@@ -99,10 +108,12 @@ class RunningEvent:
         return np.where((t > self.fired) & (gone < 2 * LANE[0]), there, AWAY)
 
     def board(self, t: ArrayLike) -> Floats:
-        """The pose (...,7) of an occluder, which slides in and leaves sideways."""
+        """The pose (...,7) of what slides in and leaves sideways, or rises out of the table."""
         t, (_, slide, far) = np.asarray(t, float)[..., None], BOARD
         out = np.maximum(1.0 - (t - self.fired) / slide, (t - self.ended) / slide)
-        aside = quat_rotate(self.place[3:], (0.0, far if np.cos(self.drawn.turn) > 0 else -far, 0))
+        side = (0.0, far if np.cos(self.drawn.turn) > 0 else -far, 0.0)
+        below = (0.0, 0.0, -self.drawn.amount - TABLE_THICKNESS)
+        aside = quat_rotate(self.place[3:], below if self.drawn.kind == "barrier" else side)
         there = self.place + np.clip(out, 0.0, 1.0) * np.concatenate([aside, np.zeros(4)])
         return np.where((t > self.fired) & (t < self.ended + slide), there, AWAY)
 
@@ -123,16 +134,28 @@ class EventScript:
     ) -> None:
         self.events = tuple(map(RunningEvent, events, withheld))
         self._eye, self._meeting, self._goal = eye, meeting, goal
+        named = {prop.name: prop for prop in self.props}
+        solid = (event for event in self.events if event.drawn.kind == "barrier")
+        self._barriers = [(event, named[f"{PROP}{event.drawn.name}"]) for event in solid]
 
     @property
     def props(self) -> tuple[Prop, ...]:
         """The events' scenery, unseen until they fire."""
         return tuple(
-            Prop(f"{PROP}{drawn.name}", _pieces(drawn), event.at, solid=drawn.kind == "second")
+            Prop(f"{PROP}{drawn.name}", pieces, event.at, solid=drawn.kind in ("second", "barrier"))
             for event in self.events
             for drawn in [event.drawn]
-            if drawn.kind in ("occluder", "second")
+            if (pieces := _pieces(drawn))
         )
+
+    @property
+    def obstacles(self) -> dict[str, tuple[tuple[Collider, ...], Pose]]:
+        """Collision pieces and poses (7,) of what rose and stands in the way, by name."""
+        return {
+            prop.name: (colliders_of(prop), event.place)
+            for event, prop in self._barriers
+            if np.isfinite(event.fired) and not event.withheld and event.ended == np.inf
+        }
 
     @property
     def first(self) -> RunningEvent | None:
@@ -141,11 +164,16 @@ class EventScript:
         return min(fired, key=lambda event: event.fired, default=None)
 
     def hides(self, point: Floats, time: float) -> bool:
-        """Whether an occluder hides a world point (3,)."""
+        """Whether an occluder or a tunnel hides a world point (3,)."""
         for event in self.events:
-            if event.withheld or event.drawn.kind != "occluder":
+            if event.withheld or event.drawn.kind not in ("occluder", "tunnel"):
                 continue
             board = event.board(time)
+            if event.drawn.kind == "tunnel":
+                inside = np.abs(quat_rotate(inverse(board)[3:], point - board[:3]))
+                if (inside <= (event.drawn.amount / 2, *TUNNEL)).all():
+                    return True
+                continue
             away = compose(inverse(board), self._eye)[:3]
             there = quat_rotate(inverse(board)[3:], point - board[:3])
             if away[0] * there[0] < 0:  # on both sides of the board
@@ -195,6 +223,8 @@ class EventScript:
     def _is_due(self, event: DrawnEvent, before: float, s: EventfulWorld) -> bool:
         if event.kind in EXCHANGES and not s.can_take(event.body):
             return False
+        if event.kind == "barrier" and not self._has_room(s):
+            return False
         value, met = event.value, s.touched_at / PHYSICS_HZ if s.touched_at >= 0 else np.inf
         if isinstance(value, str):
             return _ORDER[phase_of(s)] >= _ORDER[value]
@@ -216,6 +246,10 @@ class EventScript:
             return
         if drawn.kind == "occluder":
             event.place = self._place(s)
+        elif drawn.kind == "tunnel":
+            event.place = self._ahead(s)
+        elif drawn.kind == "barrier":
+            event.place = self._between(s)
         elif drawn.kind == "second":
             x = LANE[0] if np.cos(drawn.turn) > 0 else -LANE[0]
             y = float(np.asarray(s.motion.pose(min(self._meeting, s.time + 1.0)))[1]) + LANE[1]
@@ -246,6 +280,37 @@ class EventScript:
         left = quat_rotate(self._eye[3:], (0.0, 1.0, 0.0))
         return frame(self._eye[:3] + BOARD[0] * forward, forward, left)
 
+    def _ahead(self, s: EventfulWorld) -> Pose:
+        """Half way on the target's path to the meeting, along it."""
+        last = self._meeting if np.isfinite(self._meeting) else s.time
+        times = s.time + (max(last, s.time) - s.time) * np.array([0.4, 0.5, 0.6])
+        before, at, after = np.asarray(s.motion.pose(times))[:, :3]
+        way = after - before if np.linalg.norm(after - before) > 1e-3 else np.array([1.0, 0.0, 0.0])
+        return _upright(at, way)
+
+    def _between(self, s: EventfulWorld) -> Pose:
+        """Half way from the nearest hand to the meeting, across."""
+        meeting = np.asarray(s.motion.pose(min(self._meeting, s.time + 60.0)))[:3]
+        hands = [s.tcp(side)[:3] for side in s.embodiment.sides]
+        hand = min(hands, key=lambda at: float(np.linalg.norm(at[:2] - meeting[:2])))
+        return _upright(0.5 * (hand + meeting), meeting - hand)
+
+    def _has_room(self, s: EventfulWorld) -> bool:
+        """Whether a barrier meets nothing when it rises, and the target does not run into it."""
+        middle = self._between(s)[:2]
+        times = np.linspace(s.time, min(self._meeting, s.time + 60.0) + 0.5, 40)
+        path = np.asarray(s.motion.pose(times))[:, :3]
+        low = s.poses()[:, :3]
+        low = low[np.abs(low[:, 2] - TABLE_TOP - 0.1) < 0.1]
+        points = np.concatenate([path, low[:-1]])[:, :2]
+        return not s.touched_by and float(np.linalg.norm(points - middle, axis=1).min()) > ROOM
+
+
+def _upright(at: Floats, forward: Floats) -> Pose:
+    """A pose (7,) on the table, x along the level part of `forward`."""
+    along = np.array([forward[0], forward[1], 0.0])
+    return frame((at[0], at[1], TABLE_TOP), along, np.array([-along[1], along[0], 0.0]))
+
 
 _ORDER = {"approach": 0, "near": 1, "after": 2}
 
@@ -266,6 +331,13 @@ def phase_of(s: EventfulWorld) -> Phase:
 def _pieces(event: DrawnEvent) -> tuple[Piece, ...]:
     if event.kind == "second":
         return (Piece("box", (SECOND,) * 3, IDENTITY, PLASTIC),)
+    if event.kind == "tunnel":
+        return hood(event.amount / 2, *TUNNEL)
+    if event.kind == "barrier":
+        half = event.amount / 2
+        return (Piece("box", (*BARRIER, half), pose((0, 0, half)), WOOD),)
+    if event.kind != "occluder":
+        return ()
     half = BOARD[0] * event.amount
     return (Piece("box", (0.002, half, half), IDENTITY, WOOD),)
 

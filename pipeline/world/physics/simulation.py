@@ -111,8 +111,9 @@ class Simulation(PhysicsScene):
         """Give a body the target's role, and the target its. A body that waited takes the target's
         place as well, others stay on their own motion. `roles` is the physical body by name."""
         target = self.target
-        for table in (self._entities, self._rigid):
-            table[target], table[name] = table[name], table[target]
+        entities, rigid = self._entities, self._rigid
+        entities[target], entities[name] = entities[name], entities[target]
+        rigid[target], rigid[name] = rigid[name], rigid[target]
         self.roles = {target: name, name: target}
         if name.startswith(PROP):
             self._entities[target].set_pose(self._entities[name].pose)
