@@ -153,8 +153,6 @@ class Actor:
             for name, body in self.bodies.items()
             if not body.rides and name not in carried
         }
-        if script := self.simulation.script:
-            obstacles |= {name: Obstacle(*solid) for name, solid in script.obstacles.items()}
         return PlanningScene(arms, obstacles, carried, self._sees)
 
     def _sees(self, points: Floats) -> NDArray[np.bool_]:

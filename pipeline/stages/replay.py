@@ -104,11 +104,10 @@ def replay(scene: Scene, dry: DryRun, motion: TargetMotion, fps: int) -> Replay:
 
 
 def is_changed(actor: Actor) -> bool:
-    """Whether an event changed an untouched target or its motion, or stands in the way."""
-    simulation, script = actor.simulation, actor.simulation.script
-    changed = isinstance(simulation.motion, Changed) or simulation.roles
-    changed = changed or (script is not None and script.obstacles)
-    return bool(changed) and not simulation.touched_by
+    """Whether an event changed an untouched target or its motion."""
+    simulation = actor.simulation
+    changed = isinstance(simulation.motion, Changed) or bool(simulation.roles)
+    return changed and not simulation.touched_by
 
 
 def react(scene: Scene, motion: TargetMotion, sight: Sight, fps: int) -> Replay:

@@ -31,7 +31,6 @@ EventKind = Literal[
     "goal",
     "occluder",
     "tunnel",
-    "barrier",
     "light",
     "freeze",
     "slip",
@@ -53,12 +52,11 @@ AMOUNTS = {
     "goal": 0.06,
     "occluder": 0.12,
     "tunnel": 0.12,
-    "barrier": 0.14,
     "light": 0.15,
     "latency": 0.3,
 }
-"""Defaults: factor; m/s; m/s; m; m covered around the target; m of length; m of height; share of
-the light that stays; s."""
+"""Defaults: factor; m/s; m/s; m; m covered around the target; m of length; share of the light
+that stays; s."""
 
 LASTING = {"slip": 0.2}  # default seconds of a kind that ends by itself
 CHANGES = ("stop", "reverse", "speed", "push")  # kinds that change the target's motion

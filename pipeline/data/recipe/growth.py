@@ -30,6 +30,9 @@ def differences(held: Recipe, wanted: Recipe) -> list[str]:
 def _show_key(recipe: Recipe, values: Mapping[str, Any], key: str) -> str:
     if key == "contact" and recipe.contact is None:
         return f"what the rules say ({recipe.ruling().after_touch('tracking')})"
+    if key == "events":  # without the keys that an event does not give
+        given = (e.model_dump(mode="json", exclude_defaults=True) for e in recipe.events)
+        return ", ".join(map(str, given)) or "none"
     return repr(values[key])
 
 

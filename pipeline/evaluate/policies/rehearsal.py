@@ -17,6 +17,7 @@ from pipeline.planning.failure import PlanFailure
 from pipeline.poses import Floats, Pose, compose, inverse
 from pipeline.stages.failure import Failure
 from pipeline.stages.scene import Scene
+from pipeline.world.physics.events import SWAPPED
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,7 +111,8 @@ def alike(scene: Scene) -> list[str]:
     """The movable bodies of the target's family, or else of the handled one's, if several."""
     for name in (scene.task.target, scene.task.manipulated):
         family = scene.bodies[name].family
-        own = (n for n in scene.bodies if n not in scene.clutter and not scene.bodies[n].fixed)
+        aside = {SWAPPED, *scene.clutter}
+        own = (n for n in scene.bodies if n not in aside and not scene.bodies[n].fixed)
         if len(names := [n for n in own if scene.bodies[n].family == family]) > 1:
             return names
     return []

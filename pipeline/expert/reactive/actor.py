@@ -85,12 +85,6 @@ class ReactiveActor(Actor):
         self.arms, self._frames = self._task.arms(self.bodies), {}
         self._see_anew()
 
-    @property
-    def _circumstances(self) -> tuple[object, ...]:
-        """What makes a plan out of date: the roles of bodies, and obstacles that rose."""
-        script = self.simulation.script
-        return self._roles, *(script.obstacles if script else ())
-
     def pose(self, name: str) -> Pose:
         """World pose (7,) of a body, measured or believed."""
         believed = getattr(self, "believed", {})
@@ -151,14 +145,14 @@ class ReactiveActor(Actor):
         )
 
     def _prepare(self, plan: MeetingPlan, script: Script) -> MeetingPlan:
-        began, known = self.simulation.steps, self._circumstances
+        began, roles = self.simulation.steps, self._roles
         for row in range(plan.last):
             self.advance(plan.commands[row], plan.velocities[row])
             self._refuse_touch()
         self._note(plan, [(0, began), (plan.last, self.simulation.steps)])
         self._hold(0.0)
         self.held = dict(plan.holding)
-        if self._circumstances != known:
+        if self._roles is not roles:
             return self.plan(script, rest=True)
         return self._newer(script) or plan
 
@@ -236,10 +230,10 @@ class ReactiveActor(Actor):
         bars = [(self._checker(*near), self._checker(*planned)) for near, planned in GAPS]
         expert.follow(plan, bars)
         passed, renew = [(expert.row, self.simulation.steps)], self.simulation.time + RENEWED
-        known = self._circumstances
+        roles = self._roles
         while (
             not expert.done
-            and self._circumstances == known
+            and self._roles is roles
             and (self.simulation.released or not expert.hindered)
         ):
             if not expert.near and self.simulation.time >= renew:
@@ -259,7 +253,7 @@ class ReactiveActor(Actor):
                 self._refuse_touch()
             passed.append((expert.row, self.simulation.steps))
         met = bool(self.simulation.touched_by)
-        while not met and self._circumstances == known and expert.row > plan.near:
+        while not met and self._roles is roles and expert.row > plan.near:
             self._run(expert.back(self.track, self.simulation.time))
             self._refuse_touch()
         while expert.moving:

@@ -57,7 +57,7 @@ class _Still:
     def __init__(self, actor: Actor, planner: Planner) -> None:
         real = actor.simulation
         self.embodiment, self.target, self.command = real.embodiment, real.target, real.command
-        self.steps, self.settle_steps, self.script = 0, 0, real.script
+        self.steps, self.settle_steps = 0, 0
         self._planner, self._poses = planner, {name: actor.pose(name) for name in actor.bodies}
         self._measured = real.qpos()
         self.state_vector = real.state_vector

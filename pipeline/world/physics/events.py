@@ -24,9 +24,8 @@ from pipeline.motion.scenery import AWAY, Piece, Prop, hood
 from pipeline.motion.wrapped import Change
 from pipeline.poses import IDENTITY, Floats, Pose, compose, frame, inverse, pose, quat_rotate
 from pipeline.world.robots.contract import Embodiment
-from pipeline.world.shapes import Collider
 
-from .body import TABLE_THICKNESS, TABLE_TOP, Body, Motion, colliders_of
+from .body import TABLE_TOP, Body, Motion
 
 PROP = "event_"
 """What the names of such scenery, and of a body that waits for its event, begin with."""
@@ -42,10 +41,6 @@ WOOD = (0.45, 0.33, 0.22)
 
 TUNNEL = (0.08, 0.22)
 """m; half width and height of a tunnel inside."""
-
-BARRIER, ROOM = (0.005, 0.09), 0.12
-"""Half thickness and half width (m) of a solid board between hand and target, and how far (m) from
-its middle links, bodies and the target's path are when it rises."""
 
 SECOND, PLASTIC = 0.025, (0.15, 0.35, 0.6)
 """Half extent (m) and colour of a box that enters."""
@@ -72,7 +67,6 @@ class EventfulWorld(Protocol):
     @property
     def time(self) -> float: ...
     def pose(self, name: str) -> Pose: ...
-    def poses(self) -> Floats: ...
     def tcp(self, side: str) -> Pose: ...
     def change(self, change: Change) -> None: ...
     def can_take(self, name: str) -> bool: ...
@@ -108,12 +102,11 @@ class RunningEvent:
         return np.where((t > self.fired) & (gone < 2 * LANE[0]), there, AWAY)
 
     def board(self, t: ArrayLike) -> Floats:
-        """The pose (...,7) of what slides in and leaves sideways, or rises out of the table."""
+        """The pose (...,7) of what slides in and leaves sideways."""
         t, (_, slide, far) = np.asarray(t, float)[..., None], BOARD
         out = np.maximum(1.0 - (t - self.fired) / slide, (t - self.ended) / slide)
         side = (0.0, far if np.cos(self.drawn.turn) > 0 else -far, 0.0)
-        below = (0.0, 0.0, -self.drawn.amount - TABLE_THICKNESS)
-        aside = quat_rotate(self.place[3:], below if self.drawn.kind == "barrier" else side)
+        aside = quat_rotate(self.place[3:], side)
         there = self.place + np.clip(out, 0.0, 1.0) * np.concatenate([aside, np.zeros(4)])
         return np.where((t > self.fired) & (t < self.ended + slide), there, AWAY)
 
@@ -134,28 +127,16 @@ class EventScript:
     ) -> None:
         self.events = tuple(map(RunningEvent, events, withheld))
         self._eye, self._meeting, self._goal = eye, meeting, goal
-        named = {prop.name: prop for prop in self.props}
-        solid = (event for event in self.events if event.drawn.kind == "barrier")
-        self._barriers = [(event, named[f"{PROP}{event.drawn.name}"]) for event in solid]
 
     @property
     def props(self) -> tuple[Prop, ...]:
         """The events' scenery, unseen until they fire."""
         return tuple(
-            Prop(f"{PROP}{drawn.name}", pieces, event.at, solid=drawn.kind in ("second", "barrier"))
+            Prop(f"{PROP}{drawn.name}", pieces, event.at, solid=drawn.kind == "second")
             for event in self.events
             for drawn in [event.drawn]
             if (pieces := _pieces(drawn))
         )
-
-    @property
-    def obstacles(self) -> dict[str, tuple[tuple[Collider, ...], Pose]]:
-        """Collision pieces and poses (7,) of what rose and stands in the way, by name."""
-        return {
-            prop.name: (colliders_of(prop), event.place)
-            for event, prop in self._barriers
-            if np.isfinite(event.fired) and not event.withheld and event.ended == np.inf
-        }
 
     @property
     def first(self) -> RunningEvent | None:
@@ -223,8 +204,6 @@ class EventScript:
     def _is_due(self, event: DrawnEvent, before: float, s: EventfulWorld) -> bool:
         if event.kind in EXCHANGES and not s.can_take(event.body):
             return False
-        if event.kind == "barrier" and not self._has_room(s):
-            return False
         value, met = event.value, s.touched_at / PHYSICS_HZ if s.touched_at >= 0 else np.inf
         if isinstance(value, str):
             return _ORDER[phase_of(s)] >= _ORDER[value]
@@ -248,8 +227,6 @@ class EventScript:
             event.place = self._place(s)
         elif drawn.kind == "tunnel":
             event.place = self._ahead(s)
-        elif drawn.kind == "barrier":
-            event.place = self._between(s)
         elif drawn.kind == "second":
             x = LANE[0] if np.cos(drawn.turn) > 0 else -LANE[0]
             y = float(np.asarray(s.motion.pose(min(self._meeting, s.time + 1.0)))[1]) + LANE[1]
@@ -288,23 +265,6 @@ class EventScript:
         way = after - before if np.linalg.norm(after - before) > 1e-3 else np.array([1.0, 0.0, 0.0])
         return _upright(at, way)
 
-    def _between(self, s: EventfulWorld) -> Pose:
-        """Half way from the nearest hand to the meeting, across."""
-        meeting = np.asarray(s.motion.pose(min(self._meeting, s.time + 60.0)))[:3]
-        hands = [s.tcp(side)[:3] for side in s.embodiment.sides]
-        hand = min(hands, key=lambda at: float(np.linalg.norm(at[:2] - meeting[:2])))
-        return _upright(0.5 * (hand + meeting), meeting - hand)
-
-    def _has_room(self, s: EventfulWorld) -> bool:
-        """Whether a barrier meets nothing when it rises, and the target does not run into it."""
-        middle = self._between(s)[:2]
-        times = np.linspace(s.time, min(self._meeting, s.time + 60.0) + 0.5, 40)
-        path = np.asarray(s.motion.pose(times))[:, :3]
-        low = s.poses()[:, :3]
-        low = low[np.abs(low[:, 2] - TABLE_TOP - 0.1) < 0.1]
-        points = np.concatenate([path, low[:-1]])[:, :2]
-        return not s.touched_by and float(np.linalg.norm(points - middle, axis=1).min()) > ROOM
-
 
 def _upright(at: Floats, forward: Floats) -> Pose:
     """A pose (7,) on the table, x along the level part of `forward`."""
@@ -333,9 +293,6 @@ def _pieces(event: DrawnEvent) -> tuple[Piece, ...]:
         return (Piece("box", (SECOND,) * 3, IDENTITY, PLASTIC),)
     if event.kind == "tunnel":
         return hood(event.amount / 2, *TUNNEL)
-    if event.kind == "barrier":
-        half = event.amount / 2
-        return (Piece("box", (*BARRIER, half), pose((0, 0, half)), WOOD),)
     if event.kind != "occluder":
         return ()
     half = BOARD[0] * event.amount
