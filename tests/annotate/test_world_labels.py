@@ -54,8 +54,9 @@ def seen():
     log.target_velocity, log.target_angular_velocity = np.ones((FRAMES, 3)), None
     log.contacts = np.array([(1, 0, 1, 0.01, (0, 0, 0.8), 2)], CONTACT_DTYPE)
     log.events = [Event("meeting", float(log.times[1]), "hand")]
+    drawing = SimpleNamespace(latency=0.0)
     meta = SimpleNamespace(
-        target="block", physics_hz=HZ, drawing=SimpleNamespace(latency=0.0), meeting_time=9.0
+        target="block", physics_hz=HZ, drawing=drawing, meeting_time=9.0, events=()
     )
     episode = SimpleNamespace(
         log=log, meta=meta, interception={"meeting_position": np.array([0.02, 0.05, 0.85])}
@@ -191,7 +192,7 @@ def test_boxes_hold_all_vertices_and_touch_the_outermost_ones(seen):
 def test_twists_are_what_moves_points_and_the_recorded_ones_of_the_target(seen):
     rng = np.random.default_rng(0)
     log, local = seen.log, rng.normal(size=3)
-    twist = twists_of(log, seen.meta.model_copy(update={"target": "wall"}))
+    twist = twists_of(log, SimpleNamespace(target="wall", events=()))
     at = transform(log.poses[:, 0], local)
     moved = (at[2] - at[0]) / (log.times[2] - log.times[0])
     arm = quat_rotate(log.poses[1, 0, 3:], local)
