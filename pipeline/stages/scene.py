@@ -97,7 +97,7 @@ class Scene:
             return names[int(event.turn / (2 * np.pi) * len(names))] if names else ""
         return ""
 
-    def asked(self, roles: Mapping[str, str]) -> "Scene":
+    def give_roles(self, roles: Mapping[str, str]) -> "Scene":
         """The scene in which the bodies `roles` have the roles of the keys. What is swapped stands
         where the other did."""
         if not roles:
@@ -111,7 +111,7 @@ class Scene:
         if span is None:
             return self, log
         roles = {target: span.event.body, span.event.body: target}
-        return self.asked(roles), by_role(log, self.events, target)
+        return self.give_roles(roles), by_role(log, self.events, target)
 
     def _script(self, motion: Motion) -> EventScript | None:
         if not self.events:

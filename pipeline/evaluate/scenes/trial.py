@@ -248,7 +248,7 @@ class Eyes:
 def instruction_now(trial: Trial, split: str, words: str) -> str:
     """The instruction of an episode that began with `words`, or what an event made of it."""
     roles = trial.simulation.roles
-    return instruction_of(trial.scene.asked(roles), split) if roles else words
+    return instruction_of(trial.scene.give_roles(roles), split) if roles else words
 
 
 def instruction_of(scene: Scene, split: str = "unseen") -> str:
