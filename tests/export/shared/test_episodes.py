@@ -1,6 +1,7 @@
 """Whole exports or none, the order of episodes, bad input, and on which frame an event falls."""
 
 import gc
+from dataclasses import replace
 from pathlib import Path
 
 import av
@@ -10,6 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from pipeline.data.episode.events import DrawnEvent, by_role
 from pipeline.data.episode.state_log import Event
 from pipeline.data.errors import DominoError
 from pipeline.data.spec import EpisodeSpec
@@ -245,3 +247,28 @@ def test_an_episode_that_names_a_path_is_refused_and_nothing_is_written(dataset,
     after = [p for p in sorted(tmp_path.rglob("*")) if p not in before]
     assert not [p for p in after if p.is_file()]
     assert not (tmp_path.parent / "x").exists()
+
+
+def test_from_an_exchange_on_a_frame_has_the_new_instruction_and_target(tmp_path):
+    spoken = {"seen": ["the red one"], "unseen": ["red"], "seen_after": ["the blue one"]}
+    path = make_episode(episode_path(tmp_path), frames=8, instructions=spoken)
+    with reading(path) as file:
+        facts = read_facts(file, tmp_path)
+        assert file.read().instructions == spoken
+    drawn = DrawnEvent(name="swap", kind="swap", trigger="time", value=0.1, body="other")
+    log = replace(facts.log, events=[Event("event", 2 / 15, "swap")])
+    assert set(facts.spoken) == {"the red one"}
+    meta = facts.meta.model_copy(update={"events": (drawn,)})
+    facts = replace(facts, log=log, meta=meta)
+    assert facts.spoken == ["the red one"] * 3 + ["the blue one"] * 5
+    assert facts.told == ["the red one", "the blue one"]
+    assert replace(facts, kept=3).told == ["the red one"]
+    asked = by_role(log, meta.events, "target")
+    assert (asked.pose("target")[:3] == log.pose("target")[:3]).all()
+    assert (asked.pose("target")[3:] == log.pose("other")[3:]).all()
+    assert (asked.pose("left_hand") == log.pose("left_hand")).all()
+    pairs = [(int(row["a"]), int(row["b"])) for row in (log.contacts[0], asked.contacts[0])]
+    assert [[log.bodies[i] for i in pair] for pair in pairs] == [
+        ["target", "left_hand"],
+        ["other", "left_hand"],
+    ]
