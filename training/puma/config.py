@@ -182,6 +182,10 @@ class Model(_Part):
     """Whether a small network chooses which arms act, and its choice is an input. It sees the track
     alone. A choice is kept until another one is much likelier: a policy that decides again at every
     chunk may start with both arms and arrive with none."""
+    choosing: Annotated[float, Field(gt=0)] | None = None
+    """Seconds from the start in which the arms are chosen, where `arms` is set: the small network
+    learns these frames alone, and the choice then stays. The whole episode by default. Where an
+    arm is at work, the track may look like the start of an episode of the other arm."""
     touched: bool = False
     """Whether a small network tells, from the other inputs, that the target has been touched; from
     then on this stays an input."""
@@ -204,6 +208,8 @@ class Model(_Part):
             raise ValueError("model.track.words are read beside a perceptron: set it to 0")
         if self.arms and self.track is None:
             raise ValueError("arms are chosen by the track of the target: set model.track")
+        if self.choosing is not None and not self.arms:
+            raise ValueError("no arms are chosen: set model.arms, or leave out model.choosing")
         if self.touched and not (self.state and self.track):
             raise ValueError(
                 "touches are told by joints and track: set model.state and model.track"

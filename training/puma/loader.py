@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from training.puma.config import Config
 from training.puma.data import Arrays, Corpus, SplitFrames, mixed_batch, pooled
 from training.puma.model.inputs import Inputs, inputs_of
-from training.puma.model.puma import Targets
+from training.puma.model.puma import IGNORED, Targets
 from training.puma.model.text import Tokenizer
 from training.puma.sampler import Sampler
 from training.puma.tracking import Disturbance
@@ -106,14 +106,20 @@ class Loader:
                 arrays, generator(seed)
             )
         return Batch(
-            inputs_of(arrays, texts, config, self._words), targets_of(arrays), self.sampler.state()
+            inputs_of(arrays, texts, config, self._words),
+            targets_of(arrays, config),
+            self.sampler.state(),
         )
 
 
-def targets_of(arrays: Arrays) -> Targets:
-    """Targets of a batch."""
+def targets_of(arrays: Arrays, config: Config) -> Targets:
+    """Targets of a batch; those of `choice` after `model.choosing` are IGNORED."""
     names = [field.name for field in fields(Targets) if field.name in arrays]
-    return Targets(**{name: torch.from_numpy(arrays[name]) for name in names})
+    found = {name: torch.from_numpy(arrays[name]) for name in names}
+    if config.model.choosing is not None:
+        late = torch.from_numpy(arrays["clock"] > config.model.choosing)
+        found["choice"] = found["choice"].masked_fill(late, IGNORED)
+    return Targets(**found)
 
 
 def validation_batches(
@@ -127,7 +133,7 @@ def validation_batches(
         arrays, texts = mixed_batch(
             [part], (np.zeros(len(some), np.int64), some), config, corpus.preprocessing
         )
-        yield inputs_of(arrays, texts, config, words), targets_of(arrays)
+        yield inputs_of(arrays, texts, config, words), targets_of(arrays, config)
 
 
 def generator(seed: Sequence[int]) -> np.random.Generator:

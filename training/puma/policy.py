@@ -228,7 +228,7 @@ class PumaPolicy(BatchPolicy):
         seen = torch.from_numpy(aims(out["track"], out["tools"], track.bodies)).to(self._device)
         with torch.inference_mode():
             told = network.finder and network.finder.read(network.words.ids([sentence]))
-            if self.config.model.arms:
+            if self.config.model.arms and (memory.choice is None or self._may_choose(out)):
                 likely = network.choose(seen, told)[0].softmax(-1).cpu().numpy()
                 best = int(likely.argmax())
                 if memory.choice is None or likely[best] > SURE:
@@ -236,6 +236,11 @@ class PumaPolicy(BatchPolicy):
             if self.config.model.touched and not memory.touched:
                 state = torch.from_numpy(out["state"]).to(self._device)
                 memory.touched = float(network.touch(seen, state, told).sigmoid()) > SURE
+
+    def _may_choose(self, out: Mapping[str, NDArray[Any]]) -> bool:
+        """Whether the arms may still change, by the arrays of one sample."""
+        choosing = self.config.model.choosing
+        return choosing is None or float(out["clock"][0]) <= choosing
 
     def _inputs(self, memory: Memory, observation: Observation) -> Inputs:
         return inputs_of(

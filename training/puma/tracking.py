@@ -40,6 +40,9 @@ CLEAN = 1 / 3
 MOVED = 0.1
 """Range (rad) of a joint above which its arm acts in an episode."""
 
+NEAR = 0.12
+"""Distance (m) on the table from the second body within which a hand may hold it."""
+
 FRAMES = 128
 """Frames that are searched at once."""
 
@@ -137,7 +140,7 @@ def touch_points(cache: Cache) -> NDArray[np.float64]:
 @dataclass(frozen=True)
 class Disturbance:
     """Moves measured arm joints off their path by up to about `spread` rad, and the tools with
-    them; shuffles the grippers.
+    them; shuffles the grippers, except where a hand is near the second body: it may hold it.
 
     A gripper that closes in the first frames tells which arm the expert has chosen. A network that
     may read this follows its own first guess, made before the target's velocity is known.
@@ -162,7 +165,7 @@ class Disturbance:
         )
         offsets = size * rng.normal(size=(count, len(arms))) * arms
         arrays["state"] = (arrays["state"] + offsets / prep.state.spread).astype(np.float32)
-        free = np.flatnonzero(arrays["free"])
+        free = np.flatnonzero(arrays["free"] & ~self._at_second(arrays))
         for gripper in np.flatnonzero(~arms):
             arrays["state"][free, gripper] = arrays["state"][rng.permutation(free), gripper]
         arrays["tools"] = tools_of(prep.embodiments[0], prep.state.backward(arrays["state"]))
@@ -170,6 +173,15 @@ class Disturbance:
             arrays["action"] = (arrays["action"] - (offsets / prep.action.spread)[:, None]).astype(
                 np.float32
             )
+
+    def _at_second(self, arrays: Arrays) -> NDArray[np.bool_]:
+        """Whether a hand is near the second body (B,): what it does there, its gripper tells."""
+        track = self.config.model.track
+        if track is None or track.bodies == 1:
+            return np.zeros(len(arrays["track"]), bool)
+        second = arrays["track"].reshape(len(arrays["track"]), track.bodies, -1)[:, 1, :2]
+        ways = np.linalg.norm(arrays["tools"][:, :, :2] - second[:, None], axis=-1)
+        return ways.min(1) < NEAR
 
 
 def _train(network: Puma, sight: TargetView, corpus: Corpus, quiet: bool) -> None:

@@ -15,6 +15,8 @@ from training.puma.checks import replay_check
 from training.puma.config import Config, parse_config
 from training.puma.data import open_corpus
 from training.puma.errors import TrainError
+from training.puma.loader import targets_of
+from training.puma.model.puma import Outputs, Sizes, build_model
 from training.puma.policy import PumaPolicy
 from training.puma.preprocess import Preprocessing
 from training.puma.track import CHOICES, TargetView, Track, track_numbers
@@ -138,6 +140,7 @@ def test_a_run_that_was_stopped_finds_the_same_targets_and_a_policy_sees_them(
     answers_together_are_those_alone(policy)
     executes_more_actions_while_the_target_is_still(policy)
     keeps_its_arms_until_others_are_much_likelier(policy)
+    keeps_the_arms_that_it_has_chosen_in_time(policy)
 
 
 def answers_together_are_those_alone(policy: PumaPolicy):
@@ -190,6 +193,54 @@ def keeps_its_arms_until_others_are_much_likelier(policy: PumaPolicy):
     chooser.load_state_dict(held)
     np.testing.assert_array_equal(answers[0], answers[1])
     assert np.abs(answers[2] - answers[1]).max() > 1e-6
+
+
+def keeps_the_arms_that_it_has_chosen_in_time(policy: PumaPolicy):
+    model = policy.config.model.model_copy(update={"choosing": 0.2})
+    policy.config = policy.config.model_copy(update={"model": model})
+    episode, chooser = policy.begin(start()), policy._network.chooser
+    assert chooser is not None
+    for time, likely, chosen in ((0.0, 0, 0), (0.1, 1, 1), (0.3, 0, 1)):
+        chooser.third.bias.data = torch.eye(3)[likely] * 100
+        episode.chunks.clear()
+        policy.act_together([(episode, seen(time))])
+        assert episode.choice == chosen
+
+
+def test_arms_are_learned_from_the_moments_at_which_they_are_chosen(dataset: Path, cache: Path):
+    values = small(dataset, cache).model_dump(mode="json")
+    values["model"]["choosing"] = 0.2
+    config = parse_config(values, "test")
+    arrays = {"clock": np.array([0.0, 0.2, 0.4]), "choice": np.array([0, 1, 0])}
+    arrays |= {"action": np.zeros((3, 2, 14)), "action_valid": np.ones((3, 2), bool)}
+    network = build_model(config, Sizes(14, 0))
+    likely = torch.tensor([[5.0, 0.0, 0.0], [0.0, 5.0, 0.0], [0.0, 5.0, 0.0]])
+    outputs = Outputs(torch.zeros(3, 2, 14), None, likely)
+    right = float(-likely.log_softmax(1)[0, 0])
+    assert float(network.losses(outputs, targets_of(arrays, config))["choice"]) == pytest.approx(
+        right
+    )
+    arrays["clock"] += 1
+    assert float(network.losses(outputs, targets_of(arrays, config))["choice"]) == 0
+
+
+def test_grippers_stay_as_they_are_where_a_hand_may_hold_the_second_body(
+    dataset: Path, cache: Path
+):
+    config = small(dataset, cache, goal=True)
+    prep = open_corpus(small(dataset, cache)).preprocessing
+    joints = np.tile(np.linspace(-0.4, 0.4, 14), (8, 1))
+    joints[:, 6] = np.arange(8) / 8
+    tools = tools_of(prep.embodiments[0], joints)
+    track = np.zeros((8, 2, track_numbers(3)), np.float32)
+    track[:, 1, :2] = 2.0
+    track[:4, 1, :2] = tools[:4, 0, :2] + 0.05
+    arrays = {"state": prep.state.forward(joints), "tools": tools, "free": np.ones(8, bool)}
+    arrays |= {"action": np.zeros((8, 6, 14), np.float32), "track": track.reshape(8, -1)}
+    Disturbance(0.05, config, prep).apply(arrays, np.random.default_rng(1))
+    now = prep.state.backward(arrays["state"])[:, 6]
+    assert now[:4] == pytest.approx(joints[:4, 6], abs=1e-6)
+    assert np.ptp(np.sort(now[4:]) - joints[4:, 6]) < 1e-6 < np.ptp(now[4:] - joints[4:, 6])
 
 
 def test_the_arms_of_an_episode_are_those_whose_joints_move():

@@ -32,6 +32,9 @@ be found anywhere."""
 CHOOSER = 32
 """Width of the network that chooses arms."""
 
+IGNORED = -100
+"""Stands for the arms of a frame from which their choice is not learned."""
+
 
 @dataclass(eq=False)
 class Outputs:
@@ -207,7 +210,10 @@ class Puma(nn.Module):
             found["world"] = measure(outputs.world, targets.world, targets.world_valid)
             found["loss"] = found["loss"] + self.config.train.world_weight * found["world"]
         if outputs.choice is not None and targets.choice is not None:
-            found["choice"] = functional.cross_entropy(outputs.choice, targets.choice)
+            wrong = functional.cross_entropy(
+                outputs.choice, targets.choice, ignore_index=IGNORED, reduction="sum"
+            )
+            found["choice"] = wrong / (targets.choice != IGNORED).sum().clamp(min=1)
             found["loss"] = found["loss"] + found["choice"]
         if outputs.touched is not None and targets.free is not None:
             found["touched"] = functional.binary_cross_entropy_with_logits(
