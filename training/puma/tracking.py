@@ -140,7 +140,9 @@ def touch_points(cache: Cache) -> NDArray[np.float64]:
 @dataclass(frozen=True)
 class Disturbance:
     """Moves measured arm joints off their path by up to about `spread` rad, and the tools with
-    them; shuffles the grippers, except where a hand is near the second body: it may hold it.
+    them; shuffles the grippers.
+
+    Those of a hand near the second body stay: it may hold it.
 
     A gripper that closes in the first frames tells which arm the expert has chosen. A network that
     may read this follows its own first guess, made before the target's velocity is known.
