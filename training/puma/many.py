@@ -250,19 +250,22 @@ def results(many: Many) -> list[dict[str, Any]]:
 
 
 def table(many: Many) -> str:
-    """Success rates by condition, task and level, networks together, with 95 % intervals that are
-    clustered by scene."""
+    """Success rates by condition, task and level, then of all tasks, networks together, with 95 %
+    intervals that are clustered by scene."""
     cells = defaultdict[tuple[str, str, int], list[dict[str, Any]]](list)
-    for row in results(many):
+    found = results(many)
+    for row in found:
         cells[row["condition"], row["task"], row["level"]].append(row)
+    for row in found:
+        cells[row["condition"], "all tasks", row["level"]].append(row)
     lines = [
         "| condition | task | level | met | solved | SR % (95 %) |",
         "|---|---|---:|---:|---:|---|",
     ]
     for (condition, task, level), tried in cells.items():
-        scenes = defaultdict[int, list[bool]](list)
+        scenes = defaultdict[tuple[str, int], list[bool]](list)
         for row in tried:
-            scenes[row["seed"]].append(row["success"])
+            scenes[row["task"], row["seed"]].append(row["success"])
         low, high = clustered([(sum(won), len(won)) for won in scenes.values()])
         met, solved = (sum(row[name] for row in tried) for name in ("met", "success"))
         rate = f"{100 * solved / len(tried):.0f} ({100 * low:.0f}-{100 * high:.0f})"

@@ -212,19 +212,24 @@ def test_a_run_is_commands_and_its_table_is_of_what_was_evaluated(tmp_path: Path
     assert {name: count for name, count, _ in estimate(many)}["evaluation"] == 2 * (4 * 4 + 1)
     part = replace(many, stages=("evaluation",), conditions=("unseen sentences",))
     assert [(name, count) for name, count, _ in estimate(part)] == [("evaluation", 2 * 2 * 4)]
-    out = many.evaluation(0, "unseen sentences") / "click_bell"
-    out.mkdir(parents=True)
     rows = [
         {
-            **{"key": json.dumps(["a", "b", "c", "d", "e", seed]), "policy": "p", "clock": "sim"},
-            **{"rules": "strict", "task": "click_bell", "embodiment": "aloha", "domain": "clean"},
-            **{"category": "interception", "failure": "", "success": seed < 3, "level": 1},
+            **{"key": json.dumps(["a", "b", "c", "d", task, seed]), "policy": "p", "clock": "sim"},
+            **{"rules": "strict", "task": task, "embodiment": "aloha", "domain": "clean"},
+            **{"category": "interception", "failure": "", "success": seed < wins, "level": 1},
             **{"meeting": 2.5 if seed < 2 else None},
             **{"same_start": True, "sees_truth": False, "alpha": 0.1, "seed": seed, "failed": []},
             **{"route_completion": 1, "manipulation_score": 1, "penalties": []},
         }
+        for task, wins in (("click_bell", 3), ("adjust_bottle", 0))
         for seed in range(4)
     ]
-    (out / "episodes.jsonl").write_text("".join(json.dumps(row) + "\n" for row in rows))
-    [line] = [line for line in table(many).splitlines() if "click_bell" in line]
-    assert line.startswith("| unseen sentences | click_bell | 1 | 2 | 3 of 4 | 75 (")
+    for some in (rows[:4], rows[4:]):
+        out = many.evaluation(0, "unseen sentences") / some[0]["task"]
+        out.mkdir(parents=True)
+        (out / "episodes.jsonl").write_text("".join(json.dumps(row) + "\n" for row in some))
+    bell, bottle, together = table(many).splitlines()[2:]
+    assert bell.startswith("| unseen sentences | click_bell | 1 | 2 | 3 of 4 | 75 (")
+    assert " 0 of 4 " in bottle
+    # scenes of one seed in two tasks are two scenes
+    assert together.startswith("| unseen sentences | all tasks | 1 | 4 | 3 of 8 | 38 (14-69)")
