@@ -50,8 +50,8 @@ class HandoverBlock(Task):
         yield lift(giver, 0.10)
         centre = a.frame("pad", "centre")
         goals = [list(resting_poses(a.frames("block")["base"], centre, QUARTERS))]
-        how = {"kinds": ("low",), "goals": goals, "leading": 40}
-        yield hand_over(giver, receiver, self._exchange(), **how)
+        places = self._exchange()
+        yield hand_over(giver, receiver, places, kinds=("low",), goals=goals, leading=40)
         yield open_(giver)
         yield retreat(giver, 0.09)
         yield together(home(giver), lift(receiver, 0.03))

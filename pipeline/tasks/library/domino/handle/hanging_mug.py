@@ -56,9 +56,10 @@ class HangingMug(Task):
         goals = np.concatenate([resting_poses(hole, goal, TILTS) for goal in self._on_the_peg(a)])
         yield grasp(hanger, "mug", kinds=("side",), goals=[list(goals)], pitch=0.3)
         yield lift(hanger, 0.12)
-        how = {"above": 0.11, "press": 0.0, "opening": 0.03}
         peg, out = self._on_the_peg(a), self._peg(a)
-        yield place(hanger, "handle_hole", peg, yaws=TILTS, out=out, **how)
+        yield place(
+            hanger, "handle_hole", peg, yaws=TILTS, above=0.11, out=out, press=0.0, opening=0.03
+        )
         yield open_(hanger)
         yield retreat(hanger, 0.12)
 
