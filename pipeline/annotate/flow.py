@@ -95,8 +95,7 @@ def previous_frames(frames: int, stride: int) -> NDArray[np.int32]:
 
 
 def shrink_grey(rgb: NDArray[np.uint8], size: tuple[int, int]) -> NDArray[np.uint8]:
-    """Shrink (H,W,3) uint8 RGB to (h,w) uint8 BT.601 luma, by area average; `size` = (width,
-    height)."""
+    """(H,W,3) uint8 RGB as (h,w) uint8 BT.601 luma, by area average; `size` = (width, height)."""
     with bit_stable():
         if rgb.shape[1::-1] != size:
             rgb = np.asarray(cv2.resize(rgb, size, interpolation=cv2.INTER_AREA), np.uint8)

@@ -70,9 +70,7 @@ def caption(phrase: str) -> str:
 
 
 def ask(meta: EpisodeMeta, instruction: str, requested: Sequence[str], source: str) -> Prompts:
-    """Objects and captions for an episode. `source` as in MaskOptions.prompt. Raises
-    AnnotateError for an unknown object.
-    """
+    """Objects and captions of an episode. Raises AnnotateError for an unknown object."""
     if source == "instruction":
         return Prompts(("instruction",), (caption(parse_instruction(instruction)),), {})
     by_request = {want: getattr(meta, want) if want in ROLES else want for want in requested}

@@ -77,8 +77,6 @@ class WorldOptions:
 
 @dataclass(frozen=True)
 class AnnotateOptions:
-    """Everything about the stages; each camera named gets its own annotations."""
-
     cameras: tuple[str, ...] = (HEAD,)
     flow: FlowOptions = field(default_factory=FlowOptions)
     masks: MaskOptions = field(default_factory=MaskOptions)

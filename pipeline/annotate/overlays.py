@@ -19,7 +19,6 @@ COLOURS = ((255, 196, 0), (0, 200, 255), (255, 64, 160), (120, 255, 80))
 
 
 def mask_overlay(rgb: NDArray[np.uint8], masks: NDArray[np.bool_]) -> NDArray[np.uint8]:
-    """A frame (H,W,3) with masks (K,H,W) tinted and outlined."""
     tinted = rgb.copy()
     for mask, colour in zip(masks, COLOURS * (1 + len(masks) // len(COLOURS)), strict=False):
         tinted[mask] = (0.55 * tinted[mask] + 0.45 * np.array(colour)).astype(np.uint8)
@@ -32,9 +31,7 @@ def mask_overlay(rgb: NDArray[np.uint8], masks: NDArray[np.bool_]) -> NDArray[np
 def annotation_sheet(
     dataset: Path, episode: Path, camera: str = HEAD, frames: Sequence[int] | None = None
 ) -> NDArray[np.uint8] | None:
-    """Frames with masks and flow, as an image (H,W,3), by default six. None if that camera has
-    neither.
-    """
+    """Frames with masks and flow, (H,W,3), by default six; None if that camera has neither."""
     entries: dict[str, list[tuple[str, Entry]]] = {"flow": [], "masks": []}
     for directory, stage in stages_of(dataset).items():
         path, parameters = annotation_path(dataset, directory, episode), stage["parameters"]

@@ -40,9 +40,8 @@ def build_stages(
     device: str = "auto",
     dry_run: bool = False,
 ) -> list[Stage | Absent]:
-    """Stages in order, one per camera. A dry run downloads nothing. Raises AnnotateError,
-    NoWeights.
-    """
+    """Stages in order, one per camera; a dry run downloads nothing. Raises AnnotateError,
+    NoWeights."""
     unknown = ", ".join(s for s in stages if s not in STAGES)
     if unknown or not stages:
         known = ", ".join(STAGES)
@@ -72,9 +71,8 @@ def build_stages(
 
 
 def select_episodes(dataset: Path, where: str | None) -> list[Path]:
-    """Episodes that `where` selects, and unreadable files. Raises WhereError, AnnotateError for
-    none.
-    """
+    """Episodes that `where` selects, and unreadable ones. Raises WhereError, AnnotateError for
+    none."""
     paths = episode_paths(dataset)
     if where is None:
         return paths

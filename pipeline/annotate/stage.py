@@ -54,9 +54,7 @@ class StageResult:
 
 
 class Stage(Protocol):
-    """One stage for one camera, as plain data. Raise `version` by hand when the code changes the
-    bytes.
-    """
+    """One stage for one camera. Raise `version` by hand when the code changes the bytes."""
 
     @property
     def name(self) -> str: ...
@@ -84,25 +82,21 @@ class Stage(Protocol):
 
 
 def directory_of(stage: Stage) -> str:
-    """Name of the stage's directory under annotations/."""
     return f"{stage.name}@{stage_key(stage.name, stage.version, stage.parameters())}"
 
 
 def encoded_frames(episode: EpisodeFile, camera: str) -> list[bytes]:
-    """JPEG bytes of a camera's frames. Raises AnnotateError."""
     check_camera(episode, camera)
     return [bytes(data) for data in episode.array(f"observation/{camera}/rgb")]
 
 
 def check_camera(episode: EpisodeFile, camera: str) -> None:
-    """Raise AnnotateError for a missing camera, naming the existing ones."""
     if camera not in episode.cameras:
         known = ", ".join(episode.cameras)
         raise AnnotateError(f"{episode.path} has no camera {camera}: it has {known}")
 
 
 def frames_inputs(frames: list[bytes]) -> dict[str, Any]:
-    """The `inputs` entry of stages that read images."""
     return {"frames": frames_digest(frames)}
 
 
@@ -125,9 +119,8 @@ class SimView:
 def sim_reading(
     episode: EpisodeFile, camera: str, depth: bool, render: Render | None
 ) -> tuple[dict[str, Any], Callable[[], SimView], list[str]]:
-    """Inputs, lazy view and body names of simulator truth: stored without noise, or rendered.
-    Raises AnnotateError.
-    """
+    """Inputs, lazy view and body names of simulator truth, stored or rendered. Raises
+    AnnotateError."""
     check_camera(episode, camera)
     log, drawing, path = episode.read().log, episode.meta.drawing, episode.path
     group, bodies, sensors = f"observation/{camera}", list(log.bodies), drawing.sensors

@@ -15,19 +15,16 @@ MOST_POINTS = 4096
 """Points that are tracked on a body at most."""
 
 
-class AnnotateError(DominoError):
-    """An error that the user can fix, in one line."""
+class AnnotateError(DominoError): ...
 
 
 def digest(value: Any) -> str:
-    """Hash the canonical JSON of plain data: sha256, 64 hex digits."""
     return hashlib.sha256(canonical(value)).hexdigest()
 
 
 def annotation_key(
     stage: str, version: int, parameters: Mapping[str, Any], inputs: Mapping[str, Any]
 ) -> str:
-    """The full key (64 hex digits) of one stage's result for one episode."""
     of_stage = {"stage": stage, "version": version, "parameters": dict(parameters)}
     return digest(of_stage | {"inputs": dict(inputs)})
 

@@ -25,9 +25,7 @@ CHUNK_BYTES = 1 << 20
 
 
 def episode_paths(dataset: Path) -> list[Path]:
-    """Episode files relative to `dataset`/episodes, sorted. Raises AnnotateError without that
-    directory.
-    """
+    """Episode files relative to `dataset`/episodes, sorted. Raises AnnotateError."""
     root = Path(dataset) / "episodes"
     if not root.is_dir():
         raise AnnotateError(f"{dataset} is no dataset: it has no episodes directory")
@@ -41,7 +39,6 @@ def write_entry(
     attributes: Mapping[str, Any],
     compressed: Collection[str] = (),
 ) -> Entry:
-    """Write one annotation atomically, `compressed` arrays with gzip."""
     entry = Entry(key, arrays, attributes, checksum(arrays, attributes))
     with atomic_path(path) as temporary, new_hdf5(temporary) as f:
         f.attrs["key"] = key
@@ -80,7 +77,6 @@ def check_entry(path: Path, key: str) -> str:
 
 
 def write_stage(dataset: Path, directory: str, description: Mapping[str, Any]) -> None:
-    """Write a stage's stage.json unless it is there."""
     path = Path(dataset) / "annotations" / directory / "stage.json"
     text = json.dumps(dict(description), indent=2, sort_keys=True) + "\n"
     if not path.is_file() or path.read_text() != text:

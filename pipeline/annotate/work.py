@@ -30,8 +30,8 @@ _EPISODE_FAULTS = (DatasetError, EpisodeError, AnnotateError, CorruptAnnotation,
 
 @dataclass(frozen=True)
 class StageOutcome:
-    """What became of an episode: `action` is computed, reused, failed or waiting, `state` valid,
-    missing, stale, corrupt, or unknown for an unreadable episode."""
+    """`action` is computed, reused, failed or waiting; `state` may be unknown besides
+    `_REASONS`."""
 
     episode: str
     action: str
@@ -49,15 +49,12 @@ class _Work:
 
 
 class StageWorker:
-    """Works on one stage of one dataset; models are loaded when first needed, and kept."""
-
     def __init__(self, stage: Stage, dataset: Path, dry_run: bool = False) -> None:
         self.stage, self.dataset, self.dry_run = stage, Path(dataset), dry_run
         self.directory = directory_of(stage)
         self._compute: Callable[[Any], StageResult] | None = None
 
     def run(self, episodes: Sequence[Path]) -> Iterator[StageOutcome]:
-        """One outcome an episode, in order. Raises AnnotateError for models or results."""
         for episode, prepared in _prefetch(self._prepare, episodes):
             if isinstance(prepared, _Work):
                 self._finish(episode, prepared)

@@ -30,8 +30,6 @@ COMPRESSED = ("depth", "segmentation", "normals", "flow_forward", "flow_backward
 
 @dataclass(frozen=True)
 class WorldStage:
-    """See stage.Stage. `truth` gives what the simulator knows."""
-
     options: WorldOptions
     camera: str = HEAD
     truth: Truth | None = None
@@ -163,7 +161,6 @@ def point_tracks(
 
 
 def _unoccluded(surfaces: Surfaces, xyz: Floats, xy: Floats) -> NDArray[np.bool_]:
-    """Which points (T,N) are in the image and not hidden."""
     kind, k = surfaces.camera.type, intrinsics(surfaces.camera.type)
     column, row = np.floor(xy[..., 0]).astype(int), np.floor(xy[..., 1]).astype(int)
     inside = (xyz[..., 2] > 1e-6) & (column >= 0) & (row >= 0)

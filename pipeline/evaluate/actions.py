@@ -124,8 +124,8 @@ EXACT = replace(IK, tolerance=(1e-6, 1e-5))  # of answers: the errors of delta a
 
 
 class Answers:
-    """Turns a policy's answers in one episode into joint targets. `unreachable` counts poses that
-    no joints reach: that arm holds still."""
+    """A policy's answers as joint targets; `unreachable` counts poses at which an arm holds
+    still."""
 
     def __init__(self, representation: Representation, embodiment: Embodiment) -> None:
         self._tools = ToolPoses(embodiment, EXACT)

@@ -44,7 +44,6 @@ ANSWERS = 10  # all answers of an episode may take this many times as long as on
 
 
 def load_once(name: PolicyName) -> Policy:
-    """The policy of a name, made once in a process. Raises PolicyError."""
     return _load(name.text, name.process, name.prints)
 
 
@@ -71,9 +70,8 @@ def introduce(
 
 
 def probe_policy(name: PolicyName, policy: Policy, start: Start) -> PolicyName:
-    """The name with its probe: a hash of two answers to a fixed question, and of metadata.
-
-    Raises PolicyError if the policy refuses, and for an address whose answers differ."""
+    """The name with its probe, a hash of two answers to a fixed question and of metadata. Raises
+    PolicyError, also for an address whose answers differ."""
     anonymous = "://" in name.label
     try:
         first, second = _answer_of(policy, start), _answer_of(policy, start)
@@ -125,7 +123,6 @@ class AskedPolicy:
         return isinstance(self.policy, SeesTruth)
 
     def begin(self, start: Start, trial: Trial, case: Case) -> None:
-        """Begin the episode. Raises NoAnswer, or PolicyError if the policy refuses it."""
         policy, self._trial = self.policy, trial
         contracts.check_contract(policy, start)
         if (representation := contracts.actions_of(policy)) != JOINTS:

@@ -74,7 +74,6 @@ def clock_title(clock: str) -> str:
 
 
 def films_of(bundles: Mapping[Path, Sequence[Row]]) -> list[tuple[str, list[tuple[Row, bytes]]]]:
-    """The name of each filmed scene, and its rows with films, most policies first."""
     scenes: dict[Any, list[tuple[Row, Path]]] = defaultdict(list)
     for out, rows in bundles.items():
         for row in rows:
@@ -92,8 +91,8 @@ def films_of(bundles: Mapping[Path, Sequence[Row]]) -> list[tuple[str, list[tupl
 
 
 def board_page(bundles: Mapping[Path, Sequence[Row]], faults: Mapping[Path, Sequence[str]]) -> str:
-    """The page's text; `faults` are what check-result found in each bundle. Raises CompareError for
-    bundles on different benchmarks."""
+    """The page's text; `faults` are those of check-result. Raises CompareError for two
+    benchmarks."""
     rows = [row for of_bundle in bundles.values() for row in of_bundle]
     benchmark = check_one_benchmark(rows)
     checks = [(out.name, len(bundles[out]), "; ".join(f[:3]), len(f)) for out, f in faults.items()]

@@ -68,8 +68,7 @@ class RecordedResult(StrictModel):
         return self.code, self.policy, self.clock, self.options, self.seed, self.cells
 
     def owns(self, key: Sequence[Any]) -> bool:
-        """Return whether a row of this key is of this policy, clock and options, in whatever
-        scene."""
+        """Whether a row of this key is of this policy, clock and options."""
         code, policy, clock, _, _, options = key
         return (code, policy, clock, options) == self.identity[:4]
 
@@ -89,7 +88,6 @@ class RecordedResult(StrictModel):
 
 
 def run_recorded(job: EpisodeJob) -> tuple[Row, bytes]:
-    """The row, and the commands as a file's bytes. Raises as `play`."""
     trial, row = play(job)
     commands = pack(trial.commanded)
     return row | {"actions": hashlib.sha256(commands).hexdigest()}, commands
@@ -130,13 +128,12 @@ def hash_rows(rows: Iterable[Row]) -> str:
 
 
 def hash_scenes(cases: Iterable[Case]) -> str:
-    """Hash of cases: specs, motions and first states."""
     lines = sorted(f"{case.spec.to_json()} {case.digest} {case.setup.label}" for case in cases)
     return hashlib.sha256("\n".join(lines).encode()).hexdigest()
 
 
 def read_bundle(out: Path) -> list[RecordedResult]:
-    """Read the results of OUT/bundle.json, [] if there is none. Raises BundleError, OSError."""
+    """Results of OUT/bundle.json, [] without one. Raises BundleError, OSError."""
     path = out / BUNDLE
     if not path.exists():
         return []
@@ -149,7 +146,6 @@ def read_bundle(out: Path) -> list[RecordedResult]:
 
 
 def note_result(out: Path, result: RecordedResult) -> None:
-    """Write a result into bundle.json, in place of an earlier one of the same evaluation."""
     others = [known for known in read_bundle(out) if known.identity != result.identity]
     entries = [each.model_dump(mode="json") for each in (*others, result)]
     write_atomic(out / BUNDLE, (json.dumps(entries, indent=1) + "\n").encode())

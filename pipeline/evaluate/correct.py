@@ -48,8 +48,6 @@ STIRRED = 1e-3  # m at which a body counts as moved by the policy
 
 @dataclass(frozen=True)
 class Correction:
-    """The demonstrator of a recipe that corrects a policy."""
-
     recipe: Recipe
 
     def describe(self) -> dict[str, Any]:
@@ -57,7 +55,6 @@ class Correction:
         return {"expert": "reactive", "corrects": corrections.label if corrections else ""}
 
     def check(self) -> None:
-        """Make the policy, and compare its contract. Raises PolicyError."""
         recipe = self.recipe
         try:
             asked = _ask_policy(recipe)

@@ -59,7 +59,6 @@ class EpisodeJob:
 
     @property
     def key(self) -> tuple[Any, ...]:
-        """What sets this episode apart in a file of results."""
         case, seconds = self.case, self.answer_seconds
         options = [self.setup.given(), self.split, self.compounding, self.policy.process]
         if seconds != ANSWER_SECONDS:
@@ -75,7 +74,6 @@ class EpisodeJob:
 
 
 def start_of(robot: Embodiment, setup: Setup, words: str) -> Start:
-    """The start of an episode with this robot, at its height in the scene."""
     sizes = {c.name: (c.type.height, c.type.width) for c in setup_cameras(robot, setup)}
     usual = get_embodiment(robot.name, setup.layout)
     side = robot.sides[0]
@@ -89,7 +87,7 @@ def run_episode(job: EpisodeJob) -> dict[str, Any]:
 
 
 def play(job: EpisodeJob) -> tuple[Trial, dict[str, Any]]:
-    """Run an episode as `play_arm` does; a paired row has the arm without events in `control`."""
+    """A paired row has the arm without events in `control`. Raises as `play_arm`."""
     if not job.paired:
         return play_arm(job)
     tape, spec = list[Answer](), replace(job.case.spec, arm=CONTROL)
@@ -119,8 +117,8 @@ def _first(trial: Trial) -> float:
 
 
 def play_arm(job: EpisodeJob, tape: "list[Answer] | None" = None) -> tuple[Trial, dict[str, Any]]:
-    """The trial and its row, of which only `seconds_spent` differs between runs. Without a valid
-    answer `fault` has the reason. Raises PolicyError, and Failure if the scene does not rest."""
+    """The trial and its row; only `seconds_spent` differs between runs. Raises PolicyError,
+    Failure."""
     spec, spent = job.case.spec, _Spent()
     with spent("scene"):
         scene = job.case.scene(job.setup)

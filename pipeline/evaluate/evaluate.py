@@ -75,7 +75,6 @@ class EvaluationResult:
 
     @property
     def faults(self) -> dict[str, int]:
-        """Episodes without a valid answer, by reason."""
         counts = sum((Counter(cell["faults"]) for cell in self.cells), Counter[str]())
         return dict(counts.most_common())
 
@@ -94,10 +93,8 @@ def evaluate(
     manifests: Path | None = None,
     tell: Callable[[str], None] = lambda text: None,
 ) -> EvaluationResult:
-    """Evaluate into OUT/episodes.jsonl, or resume; `manifests` is by default OUT/manifests.
-
-    Raises OSError, ProtocolError, ResultsError, PolicyError (also if another policy made rows of
-    this label), BenchmarkError, and Busy if another evaluation writes to `out`."""
+    """Evaluate into OUT/episodes.jsonl, or resume. Raises OSError, ProtocolError, ResultsError,
+    BenchmarkError, PolicyError (also for the label of another policy), and Busy."""
     # an alpha drawn for each episode: one layout at every speed would be the only one
     apart = len({cell.alpha for cell in evaluation.cells}) > evaluation.episodes
     seeds = Manifests(manifests or out / "manifests", evaluation.seed, evaluation.setup.calm, apart)
@@ -148,7 +145,6 @@ def evaluate(
 
 
 def together(outcomes: Iterable[EvaluationResult]) -> EvaluationResult:
-    """One result of evaluations into one directory."""
     each = [*outcomes]
     cells, means, baselines = (
         [row for one in each for row in getattr(one, name)]
@@ -257,12 +253,10 @@ def _introduced(evaluation: Evaluation, run: Runner, tell: Callable[[str], None]
 
 
 def introduce_policy(job: tuple[PolicyName, Sequence[Start], float]) -> PolicyName:
-    """Call `introduce` in a worker of a runner."""
     return introduce(*job)
 
 
 def film_path(out: Path, key: str) -> Path:
-    """The film of the episode of a row, by its key."""
     return out / "films" / f"{hashlib.sha256(key.encode()).hexdigest()[:16]}.mp4"
 
 

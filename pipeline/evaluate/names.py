@@ -15,20 +15,11 @@ from pipeline.data.parsing import real
 from pipeline.registry import Registry
 
 from .lines import line_of
+from .policies import reference
 from .policies.files import digest_of, expected_actions, module_of, name_actions
 from .policies.lerobot import LerobotForm
 from .policies.policy import NoAnswer, Policy, PolicyError, PolicyName
 from .policies.reactive import Reactive
-from .policies.reference import (
-    Blind,
-    Chaser,
-    Interceptor,
-    Random,
-    ReplayPolicy,
-    Static,
-    Still,
-    Tapper,
-)
 from .policies.robotwin import RobotwinForm
 from .policies.xpolicylab import XPolicyLabForm
 from .serving import groot, starvla
@@ -36,7 +27,7 @@ from .serving.client import SCHEMES, BridgeForm, Client, ServerForm
 from .serving.process import Process
 
 POLICIES = Registry[Callable[..., Policy]]("policy")
-"""Built-in ones; their keyword arguments are numbers."""
+"""Built-in ones; their arguments are numbers."""
 
 IN_PROCESS = Registry[Callable[[], Policy]]("policy of this process")
 """Classes and functions that make policies, by the text of their names."""
@@ -46,28 +37,24 @@ MOST = 10_000  # of an argument of a built-in policy (m, s, actions)
 
 
 class Form(Protocol):
-    """A kind of policy that is named KIND:..."""
+    """A kind of policy that is named KIND:... Raises PolicyError."""
 
-    def name(self, text: str) -> PolicyName:
-        """Check that the policy exists. Raises PolicyError."""
-        ...
+    def name(self, text: str) -> PolicyName: ...
 
-    def make(self, text: str) -> Policy:
-        """The policy. Raises PolicyError."""
-        ...
+    def make(self, text: str) -> Policy: ...
 
 
 FORMS = Registry[Form]("kind of policy")
 
 for _name, _policy in (
-    ("replay", ReplayPolicy),
-    ("static", Static),
-    ("chaser", Chaser),
-    ("tapper", Tapper),
-    ("interceptor", Interceptor),
-    ("random", Random),
-    ("still", Still),
-    ("blind", Blind),
+    ("replay", reference.ReplayPolicy),
+    ("static", reference.Static),
+    ("chaser", reference.Chaser),
+    ("tapper", reference.Tapper),
+    ("interceptor", reference.Interceptor),
+    ("random", reference.Random),
+    ("still", reference.Still),
+    ("blind", reference.Blind),
     ("reactive", Reactive),
 ):
     POLICIES.add(_name, _policy)
@@ -89,7 +76,6 @@ STATED = ("lerobot", "starvla", "gr00t", *SCHEMES)
 
 @cache
 def load_entry_points() -> None:
-    """Import the modules of the entry points GROUP. Raises PolicyError."""
     for point in entry_points(group=GROUP):
         try:
             import_module(point.module)
@@ -144,7 +130,6 @@ def is_ours(text: str) -> bool:
 
 
 def is_built_in(name: PolicyName) -> bool:
-    """Covered by the version of this program."""
     return is_ours(name.text) and name.process == "evaluator"
 
 
@@ -159,7 +144,7 @@ def make_policy(name: PolicyName) -> Policy:
 
 
 def make_here(name: PolicyName) -> Policy:
-    """The policy of a name in this process. Raises PolicyError as `make_policy`."""
+    """As `make_policy`, in this process."""
     try:
         return _make(name)
     except (DominoError, KeyboardInterrupt):

@@ -40,7 +40,6 @@ class Exporter[O](ABC):
         return []
 
     def export(self, job: Job[O]) -> dict[str, Any]:
-        """Write `job.out` by rename and return its summary. Raises ExportError."""
         representation = representation_of(job.options)
         options = recorded(job.options) | dict(job.given)
         with stage_directory(job.out, job.dataset, self.name) as folder:

@@ -14,8 +14,7 @@ from .shared.episodes import ExportError
 
 
 @dataclass(frozen=True)
-class NoOptions:
-    """Options of a format that has none."""
+class NoOptions: ...
 
 
 def option(
@@ -25,8 +24,7 @@ def option(
     factory: Any = MISSING,
     quiet: bool = False,
 ) -> Any:
-    """A field of an options dataclass. `parse` raises ValueError. export.json leaves out a
-    `quiet` one at its default. One without a default must be given."""
+    """A field of options. `parse` raises ValueError; export.json leaves out a `quiet` default."""
     metadata = {"help": help, "parse": parse, "quiet": quiet}
     if factory is not MISSING:
         return field(default_factory=factory, metadata=metadata)
@@ -67,8 +65,6 @@ def parse_options[O](format: str, kind: type[O], given: Mapping[str, str | bool]
 
 
 def one_of(*names: str) -> Callable[[str], str]:
-    """A parser that takes one of these names."""
-
     def parse(text: str) -> str:
         if text not in names:
             raise ValueError(f"choose {' or '.join(names)}")
@@ -78,13 +74,11 @@ def one_of(*names: str) -> Callable[[str], str]:
 
 
 def several_of(*names: str) -> Callable[[str], tuple[str, ...]]:
-    """A parser of these names, separated by commas."""
     one = one_of(*names)
     return lambda text: tuple(dict.fromkeys(map(one, text.split(","))))
 
 
 def whole(minimum: int, maximum: int = parsing.LARGEST_NUMBER) -> Callable[[str], int]:
-    """A parser of whole numbers from `minimum` to `maximum`."""
     return partial(parsing.whole, low=minimum, high=maximum)
 
 
@@ -109,12 +103,10 @@ CAMERA_NAMES_HELP = (
 
 
 def camera_names_option(help: str = CAMERA_NAMES_HELP) -> Any:
-    """Exported names by the dataset's."""
     return option(help, camera_names, factory=dict)
 
 
 def jpeg_order_option(help: str, default: Any = MISSING) -> Any:
-    """The option `jpeg_order`; without a default it must be given."""
     return option(help, one_of("rgb", "bgr"), default)
 
 
@@ -167,8 +159,6 @@ class ImageOptions(ActionOptions):
 
 @dataclass(frozen=True)
 class LabelOptions(ActionOptions):
-    """Options for labels of objects (shared/derived.py)."""
-
     labels: tuple[str, ...] = option(
         f"labels of all objects, as further columns: {', '.join(LABELS)}",
         several_of(*LABELS),
@@ -183,6 +173,5 @@ def representation_of(options: Any) -> Representation:
 
 
 def recorded(options: Any) -> dict[str, Any]:
-    """Options as export.json has them."""
     usual = {f.name: f.default for f in fields(options) if f.metadata.get("quiet")}
     return {k: v for k, v in asdict(options).items() if k not in usual or v != usual[k]}

@@ -36,9 +36,7 @@ def check_task(
     recipe: Recipe = DEFAULT,
     words: bool = True,
 ) -> list[Finding]:
-    """Check one task on one robot. An error of the task's own code is a finding. Raises
-    UnknownName and UnknownEmbodiment.
-    """
+    """An error of the task's own code is a finding. Raises UnknownName, UnknownEmbodiment."""
     spec = EpisodeSpec(TASKS[name].name, embodiment, 0, 0.1, "clean", 0, 0)
     author = type(TASKS[name])
     try:

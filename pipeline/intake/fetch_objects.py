@@ -98,9 +98,7 @@ def fetch_wheel(source: str, to: Path, given: Path | None = None) -> Iterator[st
 
 
 def fetch_dataset(source: str, to: Path, api: Any, revision: str) -> Iterator[str]:
-    """Make the objects of a dataset on the hub; yields a line for each. Raises ObjectError if
-    the hub cannot be reached or a file differs from its hash.
-    """
+    """Objects of a dataset on the hub, a line for each. Raises ObjectError."""
     dataset, wanted = HUB[source], read_catalogue(source)
     with tempfile.TemporaryDirectory() as temporary:
         files, licences = Path(temporary), to / "licences" / source
@@ -181,7 +179,6 @@ def _is_used(wanted: Iterable[FetchedObject], textures: str) -> Callable[[str], 
 
 
 def check_content(files: Path, wheel: Wheel, what: str) -> None:
-    """Raise ObjectError if the unpacked files are not those of the known wheel."""
     names = [path.relative_to(files) for path in sorted(files.rglob("*")) if path.is_file()]
     own = [name for name in names if ".dist-info" not in str(name)]
     if digest([[name.as_posix(), file_hash(files / name)] for name in own]) != wheel.content:
@@ -203,9 +200,7 @@ def download_wheel(wheel: Wheel, into: Path) -> Path:
 def download_dataset(
     repository: str, names: Iterable[str], into: Path, api: Any, revision: str
 ) -> dict[str, Any]:
-    """Download files and licences of one commit, checked against the hub's hashes. Returns
-    repository, commit and hashes.
-    """
+    """Download files and licences of a commit, checked by the hub's hashes, which are returned."""
     from httpx import HTTPError  # what huggingface_hub raises, too
 
     hashes = dict[str, str]()

@@ -44,9 +44,7 @@ class _Declared(BaseModel):
 
 
 def check_task(task: Task) -> None:
-    """Draw trial layouts of a task from outside. Raises RecipeError with its file, line and
-    name.
-    """
+    """Draw trial layouts of a foreign task. Raises RecipeError with file, line and name."""
     cls = type(task)
     if not is_outside(cls):
         return

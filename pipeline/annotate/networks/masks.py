@@ -55,7 +55,6 @@ class Segmenter:
 
 
 def load_detector(files: ModelFiles, device: str, precision: str) -> Detector:
-    """Load a detector. Raises AnnotateError for files that are no GroundingDINO."""
     from transformers import AutoTokenizer, GroundingDinoForObjectDetection
 
     model = load_model(GroundingDinoForObjectDetection, files, device)
@@ -67,7 +66,6 @@ def load_detector(files: ModelFiles, device: str, precision: str) -> Detector:
 
 
 def load_segmenter(files: ModelFiles, device: str, precision: str) -> Segmenter:
-    """Load a segmenter. Raises AnnotateError for files that are no SAM 2."""
     from transformers import Sam2Model
 
     model = load_model(Sam2Model, files, device)
@@ -148,9 +146,7 @@ def model_masks(
     captions: tuple[str, ...],
     options: MaskOptions,
 ) -> Masks:
-    """Masks of frames (T,H,W,3) for K captions. Valid ones passed both thresholds, are not empty
-    and within `max_area`.
-    """
+    """Masks of frames (T,H,W,3) for K captions; valid ones are within `max_area`."""
     (t, height, width), k = frames.shape[:3], len(captions)
     thresholds = options.box_threshold, options.text_threshold
     mask = np.zeros((t, k, height, width), bool)
@@ -204,6 +200,5 @@ def pack(mask: NDArray[np.bool_]) -> NDArray[np.uint8]:
 
 
 def unpack(packed: NDArray[np.uint8], height: int, width: int) -> NDArray[np.bool_]:
-    """Masks (T,K,H,W) from the bits that `pack` made."""
     bits = np.unpackbits(packed, axis=-1, count=height * width)
     return bits.reshape(*packed.shape[:-1], height, width).astype(bool)

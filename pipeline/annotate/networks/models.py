@@ -26,8 +26,7 @@ _FILES: list[str] = ["*.json", "*.txt", "*.safetensors"]
 _IMAGENET = ([0.485, 0.456, 0.406], [0.229, 0.224, 0.225])
 
 
-class NoWeights(AnnotateError):
-    """A model that is not on this machine, and how to get it."""
+class NoWeights(AnnotateError): ...
 
 
 @dataclass(frozen=True)
@@ -73,7 +72,6 @@ def _from_hub(repo: str, download: bool) -> Path:
 
 
 def pick_device(device: str) -> str:
-    """The device asked for; "auto" prefers "cuda". Raises AnnotateError without torch."""
     try:
         import torch
     except ImportError as error:
@@ -82,7 +80,6 @@ def pick_device(device: str) -> str:
 
 
 def load_model(cls: type, files: ModelFiles, device: str) -> Any:
-    """Frozen model in evaluation mode. Raises AnnotateError."""
     from transformers.utils import logging
 
     logging.disable_progress_bar()
@@ -100,8 +97,7 @@ def load_model(cls: type, files: ModelFiles, device: str) -> Any:
 
 @contextlib.contextmanager
 def inference(device: str, precision: str) -> Iterator[None]:
-    """Compute without gradients, in mixed precision as asked ("auto": half on a GPU, float32 on a
-    CPU)."""
+    """Without gradients, in mixed precision; "auto" is half on a GPU, float32 on a CPU."""
     import torch
 
     kind = device.split(":")[0]
@@ -114,7 +110,6 @@ def inference(device: str, precision: str) -> Iterator[None]:
 
 
 def image_settings(files: ModelFiles) -> dict[str, Any]:
-    """The `size`, `image_mean` and `image_std` of a model, by default ImageNet's."""
     settings: dict[str, Any] = {}
     for name in ("processor_config.json", "preprocessor_config.json"):
         path = Path(files.path) / name
@@ -128,8 +123,7 @@ def image_settings(files: ModelFiles) -> dict[str, Any]:
 def pixels(
     frames: NDArray[np.uint8], size: tuple[int, int], settings: dict[str, Any], device: str
 ) -> Any:
-    """Frames (N,H,W,3) uint8 -> tensor (N,3,h,w) float32 at `size` = (height, width), antialiased
-    bilinear, normalised."""
+    """Frames (N,H,W,3) uint8 as a normalised tensor (N,3,h,w) float32; `size` = (height, width)."""
     import torch
     import torch.nn.functional as functional
 

@@ -85,12 +85,7 @@ class DominoEnv(gymnasium.Env[Any, NDArray[np.float32]]):
         benchmark: str = "",
         instructions: str = "unseen",
         render_mode: str | None = None,
-        **others: Any,
     ) -> None:
-        if unknown := next(iter(others), ""):
-            known = f'give setup={{"{unknown}": ...}}' if unknown in Setup.model_fields else ""
-            known = known or "docs/reinforcement_learning.md names the options"
-            raise ValueError(f"the environment has no option {unknown}: {known}")
         kinds = {
             "actions": (actions, ACTIONS),
             "observations": (observations, OBSERVATIONS),
@@ -143,7 +138,6 @@ class DominoEnv(gymnasium.Env[Any, NDArray[np.float32]]):
 
     @property
     def trial(self) -> Trial:
-        """The running trial. Raises RuntimeError before the first reset."""
         if self._trial is None:
             raise RuntimeError("reset the environment before it is used")
         return self._trial
@@ -151,12 +145,12 @@ class DominoEnv(gymnasium.Env[Any, NDArray[np.float32]]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Any, dict[str, Any]]:
-        """Seed n is its scene if the expert solves it, else that of the next derived seed.
-        Raises NoCase if it solves none of 30, OtherCase for another cell or setup."""
+        """Seed n is its scene, or that of the next derived seed that is solved. Raises NoCase,
+        OtherCase."""
         super().reset(seed=seed)
         case = (options or {}).get("case") or self._draw_case(seed)
         check_case(case, self._cell, self.setup)
-        self._close_eyes()
+        self.close()
         scene = case.scene(self.setup)
         self._trial = Trial(scene, case.target_motion, self.setup)
         self.task_description = instruction_of(scene, self._split)
@@ -167,7 +161,10 @@ class DominoEnv(gymnasium.Env[Any, NDArray[np.float32]]):
         if self._poses:  # the randomized domain and the setup move the bases
             self._tools = ToolPoses(scene.embodiment)
         self.case = case
-        progress = self._begin_measuring(self._trial)
+        self._meter = Meter(self._trial) if self._measures else None
+        progress = self._meter.measure() if self._meter else NOTHING
+        discount = self._discount
+        self._shaped = None if discount is None else Shaped(discount, progress.potential)
         info = {"is_success": False, "task_description": self.task_description}
         return self._observe(progress), info
 
@@ -194,25 +191,14 @@ class DominoEnv(gymnasium.Env[Any, NDArray[np.float32]]):
         return self._observe(progress), reward, over, truncated, info
 
     def render(self) -> NDArray[np.uint8] | None:
-        """The image (H,W,3) of the first camera, by default the head camera."""
         if self.render_mode is None or self._eyes is None:
             return None
         return next(iter(self._eyes.look(self.trial.recorder).images.values()))
 
     def close(self) -> None:
-        self._close_eyes()
-
-    def _close_eyes(self) -> None:
         if self._eyes is not None:
             self._eyes.close()
         self._eyes = None
-
-    def _begin_measuring(self, trial: Trial) -> TaskProgress:
-        self._meter = Meter(trial) if self._measures else None
-        progress = self._meter.measure() if self._meter else NOTHING
-        discount = self._discount
-        self._shaped = None if discount is None else Shaped(discount, progress.potential)
-        return progress
 
     def _observe(self, progress: TaskProgress) -> Any:
         eyes = self._eyes if self.setup.cameras else None

@@ -88,8 +88,6 @@ class Meter:
 
 
 class Shaped:
-    """The dense reward of one episode, from the potential of its first state on."""
-
     def __init__(self, discount: float, potential: float) -> None:
         self._discount, self._before = discount, potential
 
@@ -101,7 +99,6 @@ class Shaped:
 
 
 def near(distance: float) -> float:
-    """The worth of a distance (m), 1 at none and towards 0 far away."""
     return 1.0 - float(np.tanh(NEARNESS * distance))
 
 

@@ -37,7 +37,6 @@ class Contract:
 
     @property
     def actions(self) -> Representation:
-        """The representation of an action. Raises PolicyError for an unknown word."""
         try:
             return Representation(self.representation, self.rotation, self.frame)
         except ValueError as error:
@@ -72,7 +71,6 @@ def mismatch(needed: Contract, start: Start) -> str:
 
 
 def declared(policy: Policy) -> dict[str, Any]:
-    """Declared keys of INTERFACE. Raises PolicyError."""
     setup = attribute(policy, "setup")
     if isinstance(setup, Setup):
         return {key: getattr(setup, key) for key in INTERFACE}
@@ -111,7 +109,7 @@ def difference(needed: Mapping[str, Any], given: Setup) -> str:
 
 
 def check_contract(policy: Policy, start: Start) -> None:
-    """Compare the declared interface of a policy with an episode. Raises PolicyError."""
+    """Compare a policy's interface with an episode. Raises PolicyError."""
     contract = attribute(policy, "contract")
     reason = difference(declared(policy), start.setup)
     if not reason and isinstance(contract, Mapping):
@@ -129,14 +127,12 @@ def actions_of(policy: Policy) -> Representation:
 
 
 def begin(policy: Policy, start: Start) -> None:
-    """Reset a policy; `action_names` become those of the representation that it answers in. Raises
-    PolicyError, and what the policy raises."""
+    """Reset a policy, with the `action_names` of its representation. Raises what it raises."""
     names = actions_of(policy).names(start.state_names)
     policy.reset(replace(start, action_names=names))
 
 
 def check_actions(policy: Policy, given: Representation | None) -> None:
-    """Compare the actions of a contract with those that an export states. Raises PolicyError."""
     if given is None or not isinstance(attribute(policy, "contract"), Contract):
         return
     if (theirs := actions_of(policy)) != given and theirs.describe() != given.describe():
@@ -146,7 +142,6 @@ def check_actions(policy: Policy, given: Representation | None) -> None:
 
 
 def action_length(policy: Policy, action_names: Sequence[str]) -> int:
-    """Numbers in an action of a policy on a robot with these joints. Raises PolicyError."""
     return len(actions_of(policy).names(action_names))
 
 

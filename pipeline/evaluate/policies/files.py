@@ -29,14 +29,13 @@ def stated_actions(options: Mapping[str, Any]) -> Representation:
 
 
 def expected_actions(text: str) -> Representation | None:
-    """The representation that the options of a name state, or None."""
     options = dict(parse_qsl(text.partition("?")[2]))
     return stated_actions(options) if options.keys() & {*ACTION_OPTIONS} else None
 
 
 def name_actions(text: str, like: Path | None = None) -> str:
-    """The name with the options of an export, its option `like` or else `like`, unless written out.
-    Raises PolicyError for an export that cannot be read."""
+    """The name with the actions of an export, its option `like` or `like`, unless written out.
+    Raises PolicyError."""
     rest, _, query = text.partition("?")
     given = dict(parse_qsl(query, keep_blank_values=True))
     export = given.pop("like", like)
@@ -52,7 +51,6 @@ def name_actions(text: str, like: Path | None = None) -> str:
 
 
 def digest_of(files: Iterable[Path]) -> str:
-    """Short hash of the bytes of files. Raises PolicyError."""
     digest = hashlib.sha256()
     for path in files:
         try:
@@ -64,7 +62,6 @@ def digest_of(files: Iterable[Path]) -> str:
 
 
 def module_of(path: Path) -> ModuleType:
-    """The module in a file. Raises PolicyError."""
     spec = importlib.util.spec_from_file_location(f"domino_policy_{path.stem}", path)
     if spec is None or spec.loader is None:
         raise PolicyError(f"{path}: is no Python file")
@@ -91,7 +88,6 @@ class PolicySettings:
         return f"{self.kind}:{path.resolve()}{self.query and f'?{self.query}'}"
 
     def take(self, *known: str) -> dict[str, Any]:
-        """The options. Raises PolicyError for one that is not known."""
         if unknown := sorted(set(self.options) - set(known)):
             what = f"option {unknown[0]!r} is unknown: options are {', '.join(known)}"
             raise PolicyError(f"--policy {self.kind}:{self.path}: {what}")
@@ -99,7 +95,6 @@ class PolicySettings:
 
 
 def parse_settings(text: str) -> PolicySettings:
-    """The parts of a name. Raises PolicyError."""
     kind, _, rest = text.partition(":")
     path, mark, query = rest.partition("?")
     try:

@@ -11,7 +11,6 @@ DATASET_CAMERAS: dict[str, str] = {name: camera for camera, name in EXPORTED_CAM
 
 
 def scaled(image: NDArray[np.uint8], size: tuple[int, int]) -> NDArray[np.uint8]:
-    """The image (H,W,3) at another (height, width)."""
     if image.shape[:2] == size:
         return image
     return np.asarray(cv2.resize(image, size[::-1], interpolation=cv2.INTER_AREA), np.uint8)
@@ -32,5 +31,4 @@ def pad_to_square(image: NDArray[np.uint8], size: int) -> NDArray[np.uint8]:
 
 
 def first_rows(actions: NDArray[np.generic], execute: int | None) -> NDArray[np.generic]:
-    """The first `execute` rows of a chunk (H,A), or all."""
     return actions if execute is None or actions.ndim < 2 else actions[:execute]

@@ -56,8 +56,6 @@ class LerobotPolicy:
         self._needed = replace(self.contract, image_sizes=dict(self._keys.values()))
 
     def reset(self, start: Start) -> None:
-        """Begin an episode. Raises PolicyError for another robot or other cameras than the
-        policy's."""
         import torch
 
         needed, shown = self._needed.image_sizes or {}, dict(start.image_sizes)
@@ -76,15 +74,12 @@ class LerobotPolicy:
 
         batch = self._before(self.batch(observation))
         with torch.inference_mode():
-            actions = [self._after(self._select(batch)) for _ in range(self._at_once)]
+            actions = list[Any]()
+            for _ in range(self._at_once):
+                self._ran = False
+                actions.append(self._after(self._policy.select_action(batch)))
+                self.inferences += self._ran
         return torch.cat(actions).to("cpu", torch.float64).numpy()
-
-    def _select(self, batch: dict[str, Any]) -> Any:
-        """The next action (1,A); counts the runs of the network."""
-        self._ran = False
-        action = self._policy.select_action(batch)
-        self.inferences += self._ran
-        return action
 
     def _note_run(self, *_: Any) -> None:
         self._ran = True
@@ -112,10 +107,8 @@ class LerobotPolicy:
 
 
 class LerobotForm:
-    """The form lerobot:DIRECTORY_OR_REPO?key=value of a policy's name."""
-
     def name(self, text: str) -> PolicyName:
-        """Asks no repository before use. Raises PolicyError."""
+        """Asks no repository. Raises PolicyError."""
         settings = parse_settings(text)
         settings.take(*OPTIONS)
         folder, actions = Path(settings.path), stated_actions(settings.options)
@@ -146,7 +139,7 @@ class LerobotForm:
 
 
 def silence_torchcodec() -> None:
-    """It prints a page of errors about video decoders."""
+    """Else a page of errors about video decoders is printed."""
     logging.getLogger("lerobot.utils.import_utils").setLevel(logging.ERROR)
 
 

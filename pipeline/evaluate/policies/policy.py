@@ -54,7 +54,7 @@ class Start:
 
 
 def policy_seed(instruction: str, embodiment: str) -> int:
-    """The seed (63 bits) of a policy's own draws: a hash of what it receives anyway."""
+    """63 bits for a policy's own draws: a hash of what it receives anyway."""
     digest = hashlib.sha256(f"{embodiment}\n{instruction}".encode()).digest()
     return int.from_bytes(digest[:8], "little") >> 1
 
@@ -99,8 +99,7 @@ class BatchPolicy(ABC):
     _episode: Any = None
 
     @abstractmethod
-    def begin(self, start: Start) -> Any:
-        """The memory of a new episode. Raises PolicyError."""
+    def begin(self, start: Start) -> Any: ...
 
     @abstractmethod
     def act_together(self, asked: Sequence[tuple[Any, Observation]]) -> Sequence[ArrayLike]:
@@ -141,7 +140,6 @@ class PolicyName:
 
 
 def attribute(policy: object, name: str) -> Any:
-    """An attribute of a policy, or None. Raises PolicyError if its code fails."""
     with foreign(f"its attribute {name} cannot be read"):
         return getattr(policy, name, None)
 

@@ -2,8 +2,6 @@
 
 from collections.abc import Callable, Iterator
 from contextlib import suppress
-from queue import SimpleQueue
-from threading import Thread
 
 import numpy as np
 
@@ -19,6 +17,7 @@ from pipeline.poses import Floats, Pose, compose, inverse, quat_rotate
 
 from .reference import Interceptor
 from .rehearsal import guess_roles
+from .turns import Turns
 
 FOREVER = 1e9  # s
 
@@ -42,8 +41,9 @@ class Reactive(Interceptor):
         rng, limit = case.spec.rng("planning/react"), scene.task.step_limit
         actor = _Asked(trial.simulation, trial.recorder, own.bodies, own.arms, rng, limit)
 
-        def act(give: Callable[[Floats], None]) -> None:
-            actor.begin(give, trial, self._memory)
+        def act(turns: Turns[Trial, Floats]) -> None:
+            turns.first()
+            actor.begin(turns.after, trial, self._memory)
             actor.attend(self._sight, scene.task, case.spec.rng("sight"))
             with suppress(PlanFailure):
                 while not np.isfinite(actor.track.time):
@@ -52,13 +52,13 @@ class Reactive(Interceptor):
                 for skill in scene.task.finish(actor):
                     actor.perform(skill)
 
-        self._motions = _given_by(act)
+        self._motions = _actions(Turns(act), trial)
 
 
 class _Asked(ReactiveActor):
     """Gives one action for every control period in place of steps."""
 
-    def begin(self, give: Callable[[Floats], None], trial: Trial, memory: float) -> None:
+    def begin(self, give: Callable[[Floats], object], trial: Trial, memory: float) -> None:
         self._give, self._period, self._memory = give, trial.per_period, memory
         self._commands = list[Floats]()
         self._eye, self._props = trial.scene.embodiment.head_camera, trial.scene.scenery
@@ -111,41 +111,9 @@ def blocks(prop: Prop, time: float, eye: Pose, point: Floats) -> bool:
     return False
 
 
-class _AbandonedError(Exception):
-    """The episode has ended before its actor."""
-
-
-def _given_by(act: Callable[[Callable[[Floats], None]], None]) -> Iterator[Floats]:
-    """Actions (1,A) that `act` gives to its argument, which returns when the next one is asked
-    for."""
-    asked, given = SimpleQueue[bool](), SimpleQueue[Floats | BaseException | None]()
-
-    def give(action: Floats) -> None:
-        given.put(action[None])
-        if not asked.get():
-            raise _AbandonedError
-
-    def work() -> None:
-        if not asked.get():
-            return
-        try:
-            act(give)
-            given.put(None)
-        except _AbandonedError:
-            return
-        except BaseException as error:
-            given.put(error)
-            raise
-
-    Thread(target=work, daemon=True).start()
+def _actions(turns: Turns[Trial, Floats], trial: Trial) -> Iterator[Floats]:
     try:
-        while True:
-            asked.put(True)
-            got = given.get()
-            if got is None:
-                return
-            if isinstance(got, BaseException):
-                raise got
-            yield got
+        while (action := turns.ask(trial)) is not None:
+            yield action[None]
     finally:
-        asked.put(False)
+        turns.end()

@@ -108,7 +108,6 @@ def meeting_plan(scene: Scene, fps: int, ahead: Callable[[float], Pose]) -> Rehe
 
 
 def alike(scene: Scene) -> list[str]:
-    """The movable bodies of the target's family, or else of the handled one's, if several."""
     for name in (scene.task.target, scene.task.manipulated):
         family = scene.bodies[name].family
         aside = {SWAPPED, *scene.clutter}
@@ -119,8 +118,7 @@ def alike(scene: Scene) -> list[str]:
 
 
 def guess_roles(scene: Scene, seed: int) -> tuple[Scene, str]:
-    """The scene with like bodies in each other's roles, and which is its target; the scene itself
-    if the guess is right."""
+    """The scene with like bodies in guessed roles, and its target; the scene itself if right."""
     names, task = alike(scene), scene.task
     order = np.random.default_rng([seed, 3]).permutation(len(names))
     takes = {name: names[i] for name, i in zip(names, order, strict=True)}

@@ -4,10 +4,7 @@ usr_args are the keys of deploy_policy.yml, then the options of the name, then l
 right_arm_dim."""
 
 import importlib
-import queue
 import sys
-import threading
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pipeline.data.names import SIDES
-from pipeline.data.parsing import ParseError, read_yaml
+from pipeline.data.parsing import read_yaml
 from pipeline.evaluate.actions import ActionError, ToolPoses, check_action
 from pipeline.planning.planner import planner_of
 from pipeline.poses import Floats, compose, pose
@@ -25,6 +22,7 @@ from pipeline.world.robots.pairs import raised
 
 from .files import PolicySettings, digest_of, parse_settings
 from .policy import Observation, Policy, PolicyError, PolicyName, Start, foreign
+from .turns import Turns
 
 BEHIND_TCP = 0.12  # m; tool poses are this far behind the tool centre point, along its x axis
 
@@ -32,7 +30,7 @@ _TO_TCP, _FROM_TCP = pose([BEHIND_TCP, 0, 0]), pose([-BEHIND_TCP, 0, 0])
 
 
 def robot_at(start: Start) -> Embodiment:
-    """The robot of an episode, with its bases where they stand in it."""
+    """The episode's robot, with its bases where they stand."""
     robot = get_embodiment(start.embodiment, start.setup.layout)
     return raised(robot, start.lift) if start.lift else robot
 
@@ -50,9 +48,8 @@ class RobotwinRobot:
         return {side: (compose(tcp, _FROM_TCP), tcp) for side, tcp in tcps.items()}
 
     def observation(self, seen: Observation, command: Floats) -> dict[str, Any]:
-        """The observation as `export --format robotwin` writes it, with `timestamp` (s).
-        joint_action has the targets in force, `command` (A,); tool poses (7,) wxyz are
-        measured."""
+        """As `export --format robotwin` writes it, with `timestamp` (s): joints are the targets in
+        force, `command` (A,), tool poses (7,) wxyz are measured."""
         joints: dict[str, Any] = {"vector": command.copy()}
         endpose: dict[str, Any] = {}
         tools = self.tool_poses(seen.joints)
@@ -69,8 +66,8 @@ class RobotwinRobot:
         }
 
     def joints(self, action: ArrayLike, kind: str, measured: Floats, command: Floats) -> Floats:
-        """Joint targets (A,) of an action: `qpos` (A,), `ee` (8S,) poses of the tools,
-        `delta_ee` relative to the measured ones. Raises ActionError."""
+        """Joint targets (A,) of an action: `qpos` (A,), `ee` (8S,) tool poses, or `delta_ee` from
+        the measured ones. Raises ActionError."""
         if kind == "qpos":
             return check_action(action, len(command))
         if kind not in ("ee", "delta_ee"):
@@ -90,7 +87,9 @@ class RobotwinRobot:
 class TaskEnv:
     """TASK_ENV of eval. An action is one control period."""
 
-    def __init__(self, robot: RobotwinRobot, start: Start, turns: "Turns") -> None:
+    def __init__(
+        self, robot: RobotwinRobot, start: Start, turns: Turns[Observation, Floats]
+    ) -> None:
         self._robot, self._turns = robot, turns
         self._seen = turns.first()
         self._command = np.asarray(self._seen.joints, float)
@@ -103,7 +102,7 @@ class TaskEnv:
         return self._robot.observation(self._seen, self._command)
 
     def take_action(self, action: ArrayLike, action_type: str = "qpos") -> None:
-        """Wait until its control period is over. Raises ActionError."""
+        """Waits until its control period is over. Raises ActionError."""
         measured = np.asarray(self._seen.joints, float)
         self._command = self._robot.joints(action, action_type, measured, self._command)
         self._seen = self._turns.after(self._command)
@@ -111,64 +110,6 @@ class TaskEnv:
 
     def __getattr__(self, name: str) -> Any:
         raise AttributeError(f"TASK_ENV has no {name} here: see docs/policy_server.md")
-
-
-JOIN_SECONDS = 10.0
-
-
-class Over(BaseException):
-    """No `except Exception` of foreign code stops it."""
-
-
-class Turns:
-    """Runs `work(turns)` in a thread that waits in `after(action)` while the world advances."""
-
-    def __init__(self, work: Callable[["Turns"], None]) -> None:
-        self._work = work
-        self._observations: queue.SimpleQueue[Observation | None] = queue.SimpleQueue()
-        self._answers: queue.SimpleQueue[Any] = queue.SimpleQueue()
-        self._thread: threading.Thread | None = None
-        self._ended = False
-
-    def ask(self, observation: Observation) -> Any:
-        """The next action. Raises what the work raises, and PolicyError if it has ended."""
-        if self._ended:
-            raise PolicyError("the policy's code has ended: it is asked again at the next episode")
-        self._observations.put(observation)
-        if self._thread is None:
-            self._thread = threading.Thread(target=self._run, daemon=True)
-            self._thread.start()
-        answer = self._answers.get()
-        if isinstance(answer, BaseException):
-            self._ended = True
-            raise answer
-        return answer
-
-    def first(self) -> Observation:
-        """Wait for the next observation. Raises Over at the end of the episode."""
-        observation = self._observations.get()
-        if observation is None:
-            raise Over
-        return observation
-
-    def after(self, action: Any) -> Observation:
-        """The observation that follows. Raises Over."""
-        self._answers.put(action)
-        return self.first()
-
-    def end(self) -> None:
-        if self._thread is not None and self._thread.is_alive():
-            self._observations.put(None)
-            self._thread.join(JOIN_SECONDS)
-
-    def _run(self) -> None:
-        try:
-            self._work(self)
-            self._answers.put(PolicyError("the policy's code ended before the episode did"))
-        except Over:
-            return
-        except BaseException as error:  # noqa: BLE001 (raised again by ask, in the thread of whoever asks)
-            self._answers.put(error)
 
 
 FILE = "deploy_policy.py"
@@ -189,7 +130,7 @@ class RobotwinPolicy:
                 raise PolicyError(f"{self._path}: {FILE} has no function {function}")
         self._model: Any = None
         self._embodiment = ""
-        self._turns: Turns | None = None
+        self._turns: Turns[Observation, Floats] | None = None
         self.inferences = 0
 
     def reset(self, start: Start) -> None:
@@ -205,20 +146,24 @@ class RobotwinPolicy:
         reset_model = getattr(self._code, "reset_model", None)
         if callable(reset_model):
             reset_model(self._model)
-        self._turns = Turns(lambda turns: self._play(TaskEnv(robot, start, turns)))
+
+        def play(turns: Turns[Observation, Floats]) -> None:
+            env = TaskEnv(robot, start, turns)
+            while True:
+                before = env.take_action_cnt
+                self.inferences += 1
+                self._code.eval(env, self._model, env.get_obs())
+                if env.take_action_cnt == before:
+                    raise PolicyError(f"{self._path}: eval returned without taking an action")
+
+        self._turns = Turns(play)
 
     def act(self, observation: Observation) -> ArrayLike:
         if self._turns is None:
             raise PolicyError(f"{self._path}: asked before reset")
-        return self._turns.ask(observation)
-
-    def _play(self, env: TaskEnv) -> None:
-        while True:
-            before = env.take_action_cnt
-            self.inferences += 1
-            self._code.eval(env, self._model, env.get_obs())
-            if env.take_action_cnt == before:
-                raise PolicyError(f"{self._path}: eval returned without taking an action")
+        if (action := self._turns.ask(observation)) is None:
+            raise PolicyError("the policy's code has ended: it is asked again at the next episode")
+        return action
 
 
 def _directory_of(settings: PolicySettings) -> Path:
@@ -234,24 +179,18 @@ def _directory_of(settings: PolicySettings) -> Path:
 
 def _user_arguments(settings: PolicySettings, arm_dims: dict[str, int]) -> dict[str, Any]:
     path = _directory_of(settings) / "deploy_policy.yml"
-    try:
-        values = (read_yaml(path) if path.exists() else None) or {}
-    except ParseError as error:
-        raise PolicyError(str(error)) from error
+    values = (read_yaml(path) if path.exists() else None) or {}
     if not isinstance(values, dict):
         raise PolicyError(f"{path}: is no map")
     return values | settings.options | {f"{side}_arm_dim": dim for side, dim in arm_dims.items()}
 
 
 class RobotwinForm:
-    """The form robotwin:DIRECTORY?key=value of a policy's name."""
-
     def name(self, text: str) -> PolicyName:
-        """Check that the directory has a deploy_policy.py. Raises PolicyError."""
         settings = parse_settings(text)
         folder = _directory_of(settings)
         kinds = (".py", ".yml", ".yaml", ".json")
-        files = sorted(p for p in folder.rglob("*") if p.suffix in kinds and p.is_file())
+        files = sorted(p for p in folder.rglob("*") if p.suffix in kinds)
         label = f"robotwin:{folder.name}@{digest_of(files)}{settings.text}"
         return PolicyName(settings.at(folder), label)
 

@@ -28,8 +28,7 @@ CAMERAS = {
 
 
 class XPolicyLabRobot:
-    """Observations and actions of a robot in XPolicyLab's format v1.0; files of `export --format
-    xpolicylab` hold the same."""
+    """XPolicyLab's format v1.0, as in files of `export --format xpolicylab`."""
 
     def __init__(self, robot: Embodiment) -> None:
         self._robotwin = RobotwinRobot(robot)
@@ -106,17 +105,13 @@ class XPolicyLabPolicy:
 
 
 class XPolicyLabForm:
-    """The form xpolicylab:FILE.py?key=value of a policy's name."""
-
     def name(self, text: str) -> PolicyName:
-        """Check that the file is there. Raises PolicyError."""
         settings = parse_settings(text)
         path = Path(settings.path).resolve()
         label = f"xpolicylab:{path.name}@{digest_of([path])}{settings.text}"
         return PolicyName(settings.at(path), label)
 
     def make(self, text: str) -> Policy:
-        """The policy. Raises PolicyError."""
         settings = parse_settings(text)
         kind = getattr(module_of(Path(settings.path)), "Model", None)
         if not isinstance(kind, type):

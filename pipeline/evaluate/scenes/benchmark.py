@@ -62,8 +62,7 @@ class Benchmark:
     def choose(
         self, recipe: Recipe, keys: Collection[str], named: Sequence[str] = ()
     ) -> list[Cell]:
-        """The cells whose `keys` are a recipe's. Raises BenchmarkError for none, and for a
-        missing task."""
+        """Cells whose `keys` are a recipe's. Raises BenchmarkError for none, or a missing task."""
         tasks, name = self.head.parts.get(self.part), self.head.benchmark
         held = {cell.task for cell in self.head.cells} if tasks is None else {*tasks}
         if missing := [task for task in named if task in TASKS and task not in held]:
@@ -105,7 +104,6 @@ class Benchmark:
         return setup.override(kept)
 
     def record(self, scenes: int) -> RecordedBenchmark:
-        """What a result on this many of its scenes states."""
         name, tasks = self.head.benchmark, self.head.parts.get(self.part)
         whole = self.head.scenes * sum(not tasks or c.task in tasks for c in self.head.cells)
         return RecordedBenchmark(
@@ -113,8 +111,7 @@ class Benchmark:
         )
 
     def count_scenes(self, wanted: int | None) -> int:
-        """How many scenes of each cell are meant, all by default. Raises BenchmarkError for more
-        than there are."""
+        """Scenes of each cell, all by default. Raises BenchmarkError for more than there are."""
         name, held = self.head.benchmark, self.head.scenes
         if wanted is not None and wanted > held:
             raise BenchmarkError(
@@ -123,8 +120,7 @@ class Benchmark:
         return wanted or held
 
     def cases(self, cells: Sequence[Cell], scenes: int) -> dict[Cell, list[Case]]:
-        """The first scenes of these cells. Raises BenchmarkError for one that it does not have, and
-        for a line that is no scene."""
+        """The first scenes of these cells. Raises BenchmarkError."""
         self.count_scenes(scenes)
         places = {each.cell(): number for number, each in enumerate(self.head.cells)}
         if missing := [cell.path for cell in cells if cell not in places]:
@@ -160,8 +156,7 @@ def pack(
     parts: Mapping[str, Sequence[str]],
     made_by: Mapping[str, Any],
 ) -> bytes:
-    """The file of a benchmark. Raises BenchmarkError for a wrong name and for scenes that cannot be
-    frozen."""
+    """The file of a benchmark. Raises BenchmarkError."""
     scenes = max(map(len, cases.values()))
     head = {
         "benchmark": name,
@@ -195,7 +190,6 @@ def _frozen(case: Case) -> dict[str, Any]:
 
 
 def unpack_benchmark(data: bytes, source: str) -> Benchmark:
-    """The benchmark in the bytes of a file; `source` names it. Raises BenchmarkError."""
     try:
         text = _decompress(data)
         first, *lines = text.removesuffix(b"\n").split(b"\n")
@@ -224,14 +218,12 @@ def _decompress(data: bytes) -> bytes:
 
 
 def shipped_benchmarks() -> dict[str, Path]:
-    """The benchmarks that ship with the package, by name."""
     files = sorted((shipped_folder() / FOLDER).glob(f"*{SUFFIX}"))
     return {path.name.removesuffix(SUFFIX): path for path in files}
 
 
 def read_benchmark(given: str) -> Benchmark:
-    """The benchmark of a file, or of that name; NAME:PART for a part of it. Raises BenchmarkError,
-    OSError."""
+    """A benchmark by file or name, NAME:PART for a part. Raises BenchmarkError, OSError."""
     path, part = Path(given), ""
     if not path.exists():
         name, _, part = given.partition(":")
@@ -248,6 +240,5 @@ def read_benchmark(given: str) -> Benchmark:
 
 @lru_cache(maxsize=16)
 def frozen_scenes(given: str, cell: Cell) -> tuple[Case, ...]:
-    """Read all scenes of a cell. Raises BenchmarkError."""
     benchmark = read_benchmark(given)
     return tuple(benchmark.cases([cell], benchmark.head.scenes)[cell])

@@ -45,7 +45,6 @@ class FrozenCase(StrictModel):
     state: FrozenScene
 
     def case(self, cell: Cell, setup: Setup) -> Case:
-        """Make the case. Raises ValueError if target and motion do not meet."""
         motion = motion_from_json(json.dumps(self.motion))
         target = TASKS[cell.task].target
         at = next((body.pose for body in self.state.bodies if body.name == target), (np.inf,) * 7)
@@ -90,7 +89,6 @@ class RecordedBenchmark(StrictModel):
 
     @property
     def label(self) -> str:
-        """Name and short hash, as rows of results state it."""
         return f"{self.name} {self.sha256[:12]}"
 
     def __str__(self) -> str:

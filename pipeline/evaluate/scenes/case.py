@@ -47,8 +47,7 @@ def blind(setup: Setup) -> Setup:
 BLIND = blind(UNSEEN)
 
 
-class BenchmarkError(DominoError):
-    """It cannot be used, or is not the one that was named."""
+class BenchmarkError(DominoError): ...
 
 
 @dataclass(frozen=True)
@@ -75,13 +74,12 @@ class Case:
         return hashlib.sha256(f"{self.motion}{self.start}".encode()).hexdigest()[:12]
 
     def arms(self, events: int) -> Iterator["Case"]:
-        """The same case in every arm of a scene with so many events as conditions."""
+        """The same case in every arm of so many conditions."""
         for arm in condition_arms(events):
             yield replace(self, spec=replace(self.spec, arm=arm))
 
     def scene(self, setup: Setup | None = None) -> Scene:
-        """The scene, under the rules of a setup of the same physics. Raises Failure("layout"), and
-        BenchmarkError for a state that is none."""
+        """The scene under the rules of a setup. Raises Failure("layout"), BenchmarkError."""
         rules = (setup or self.setup).ruling()
         if self.state is None:
             return build_scene(self.spec, rules).furnished(self.target_motion)
@@ -92,15 +90,13 @@ class Case:
             raise BenchmarkError(f"the benchmark's scene of {at}: {error}") from error
 
     def to_dict(self) -> dict[str, Any]:
-        """JSON values only; the motion is an object."""
         values = asdict(replace(self, state=None)) | {"spec": self.spec.values()}
         del values["state"]
         return values | {"motion": json.loads(self.motion), "setup": self.setup.given()}
 
     @classmethod
     def from_dict(cls, values: dict[str, Any]) -> "Case":
-        """Make a case from what `to_dict` gave. Raises ValueError, TypeError, KeyError or
-        AttributeError."""
+        """What `to_dict` gave. Raises ValueError, TypeError, KeyError or AttributeError."""
         numbers, texts = (values["meeting"], values["frames"]), (values["start"], values["end"])
         whole = all(type(n) in (int, float) and 0 <= n < 1e6 for n in numbers)
         if not whole or not all(isinstance(t, str) for t in texts):
@@ -144,7 +140,6 @@ def _expert(spec: EpisodeSpec, setup: Setup) -> Rollout:
 
 
 def admit(spec: EpisodeSpec, setup: Setup = DEFAULT) -> Case:
-    """The case of a spec. Raises Failure if the expert does not solve it."""
     rollout = expert(spec, setup)
     log, motion = rollout.replay.log, rollout.motion.to_json()
     hashes = start_hash(log.poses[0], log.qpos[0]), log_hash(log)
@@ -160,7 +155,6 @@ def expert_actions(case: Case) -> Floats:
 
 
 def in_every_arm(admitted: Mapping[Cell, Sequence[Case]], events: int) -> dict[Cell, list[Case]]:
-    """The cases in every arm of their scenes, which have so many events as conditions."""
     return {
         cell: [arm for case in cases for arm in case.arms(events)]
         for cell, cases in admitted.items()

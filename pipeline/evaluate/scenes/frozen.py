@@ -45,7 +45,6 @@ class FrozenBody(StrictModel):
     borne: bool = False
 
     def instance(self) -> Family:
-        """Make the object. Raises ValueError for a missing family and for other parameters."""
         if self.family not in FAMILIES:
             raise ValueError(
                 f"the object {self.family[:80]!r} is not installed: give --plugins with its"
@@ -62,7 +61,6 @@ class FrozenBody(StrictModel):
         return family(**self.parameters)
 
     def body(self) -> Body:
-        """Make the body at its pose. Raises ValueError."""
         if abs(np.linalg.norm(self.pose[3:]) - 1) > 1e-6:
             raise ValueError(f"{self.name} has no rotation")
         placed = np.array(self.pose), self.fixed, self.inside, self.slide, self.borne
@@ -80,7 +78,6 @@ class FrozenScene(StrictModel):
     unseen: _Sentence
 
     def scene(self, spec: EpisodeSpec, rules: Rules) -> Scene:
-        """The scene of this state. Raises ValueError."""
         task, robot = TASKS[spec.task], embodiment_of(spec, rules.layout, self.stance)
         bodies = {each.name: each.body() for each in self.bodies}
         names = [*bodies]
@@ -105,7 +102,7 @@ class FrozenScene(StrictModel):
 
 
 def freeze(scene: Scene) -> FrozenScene:
-    """The state of a scene as it was drawn. Raises ValueError for bodies that are more than their
+    """The scene as it was drawn. Raises ValueError for bodies that are more than their
     parameters."""
     bodies = [
         FrozenBody(

@@ -31,12 +31,11 @@ Runner = Callable[[Callable[[Any], Any], Sequence[Any]], Iterator[tuple[Any, Any
 """Does the jobs and yields (job, result) in any order. Workers import the work by its name."""
 
 
-class ProtocolError(DominoError):
-    """An unusable manifest, or a cell that is solved too seldom."""
+class ProtocolError(DominoError): ...
 
 
 def first_seed(s: int) -> int:
-    """The first seed of scenes for the seed `s` of an evaluation (as in the original)."""
+    """The first seed of the scenes of evaluation `s`, as in the original."""
     return 100_000 * (1 + s)
 
 
@@ -71,7 +70,6 @@ class Manifest:
         return f'{json.dumps(head)[:-1]}, "cases": [\n{lines}\n]}}\n'.encode()
 
     def next_batch(self, episodes: int) -> range:
-        """The seeds to try next. Raises ProtocolError if as many have been tried as may be."""
         count = min(episodes - len(self.cases), most_tries(episodes) - self.tried)
         if count <= 0:
             solved = f"{len(self.cases)} of {self.tried} seeds, fewer than the {episodes} wanted"
@@ -88,7 +86,6 @@ class Manifest:
 
     @classmethod
     def from_json(cls, text: bytes) -> "Manifest":
-        """Read what `to_json` wrote. Raises ValueError."""
         values = parse_json(text)
         schema = values.pop("schema", None) if isinstance(values, dict) else None
         if schema not in (3, SCHEMA):
@@ -124,8 +121,8 @@ def _hash_of(cases: object) -> str:
 
 @dataclass(frozen=True)
 class Manifests:
-    """A directory of manifests, one a cell, in one directory for each physics of a setup. With
-    `apart` cells of another alpha have scenes of their own."""
+    """Manifests by cell, a directory for each physics. With `apart` every alpha has its own
+    scenes."""
 
     root: Path
     seed: int = 0
@@ -158,13 +155,11 @@ class Manifests:
         return manifest
 
     def short(self, cells: Sequence[Cell], episodes: int) -> bool:
-        """Return whether a cell has fewer than `episodes` admitted seeds yet. Raises
-        ProtocolError."""
+        """Whether a cell has too few admitted seeds yet. Raises ProtocolError."""
         return any(len(self.read(cell).cases) < episodes for cell in cells)
 
     def admitted(self, cells: Sequence[Cell], episodes: int, run: Runner) -> dict[Cell, list[Case]]:
-        """The first `episodes` cases of every cell; the expert finds missing ones. Raises
-        ProtocolError if it solves too few."""
+        """The first cases of every cell; the expert finds missing ones. Raises ProtocolError."""
         manifests = {cell: self.read(cell) for cell in cells}
         while short := [m for m in manifests.values() if len(m.cases) < episodes]:
             batches = {m.cell: m.next_batch(episodes) for m in short}
@@ -192,7 +187,6 @@ class SeedJob:
 
 
 def try_seed(job: SeedJob) -> Case | str:
-    """The case of a seed, or why the expert does not solve it."""
     try:
         return admit(job.spec, job.setup)
     except Failure as failure:
@@ -212,8 +206,7 @@ TRIES = 30
 class NoCase(DominoError): ...
 
 
-class OtherCase(DominoError, ValueError):
-    """A case that an environment was not made for."""
+class OtherCase(DominoError, ValueError): ...
 
 
 remembered = lru_cache(maxsize=1024)(try_seed)
@@ -234,15 +227,13 @@ def case_of_seed(cell: Cell, seed: int, setup: Setup) -> Case:
 def training_scenes(
     cell: Cell, count: int, setup: Setup, manifests: Path | None
 ) -> tuple[Case, ...]:
-    """The first `count` scenes of the seed TRAINING. Raises ProtocolError."""
     with ExitStack() as stack:
         root = manifests or Path(stack.enter_context(TemporaryDirectory()))
         return tuple(Manifests(root, TRAINING, setup).admitted([cell], count, inline)[cell])
 
 
 def check_case(case: object, cell: Cell, setup: Setup) -> None:
-    """Raise OtherCase, naming both values, for a case of another cell or physics, or for no
-    Case."""
+    """Raise OtherCase for a case of another cell or physics, or for no Case."""
     if not isinstance(case, Case):
         raise OtherCase(f"{type(case).__name__} is no case of an environment or a manifest")
     for name in (each.name for each in fields(Cell)):

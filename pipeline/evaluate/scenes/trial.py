@@ -86,7 +86,7 @@ class Trial:
             self._step(row, velocity)
 
     def hold(self, steps: int) -> None:
-        """Advance by `steps` physics steps while the robot keeps its last command."""
+        """Advance by physics steps while the robot keeps its last command."""
         still = np.zeros(self.length)
         self._waited += steps
         for _ in range(steps):
@@ -99,13 +99,11 @@ class Trial:
 
     @property
     def commanded(self) -> Floats:
-        """All that was commanded (T,1+A): physics steps held, then an action; perhaps a last row of
-        NaN."""
+        """Commands (T,1+A): physics steps held, then an action; perhaps a last row of NaN."""
         last = [np.array([self._waited, *[np.nan] * self.length])] if self._waited else []
         return np.array([*self._commands, *last]).reshape(-1, 1 + self.length)
 
     def repeat(self, commands: Floats) -> None:
-        """Do again another trial's commands. Raises ActionError."""
         for held, *action in commands:
             self.hold(int(held))
             if not self.ending and np.isfinite(action).all():
@@ -115,7 +113,6 @@ class Trial:
         return self.recorder.log()
 
     def conditions(self) -> dict[str, bool]:
-        """The success conditions of the task now, between two frames too."""
         if self._known[0] != self.simulation.steps:
             self._known = (self.simulation.steps, self.watch.conditions())
         return self._known[1]
@@ -171,8 +168,7 @@ class StepConditions:
             self._peaks[name] = max(peak, float(self._simulation.pose(name)[2]))
 
     def conditions(self) -> dict[str, bool]:
-        """The success conditions of the task now: on the recorded frames and the state of this
-        step."""
+        """The conditions now: on the recorded frames and the state of this step."""
         log, simulation = self._recorder.log(), self._simulation
         if simulation.time > log.times[-1] + 1e-9:
             log = with_frame(log, simulation)
@@ -181,7 +177,6 @@ class StepConditions:
 
 
 def with_frame(log: StateLog, simulation: Simulation) -> StateLog:
-    """The log with one more frame: the simulation now."""
     qpos, qvel = simulation.qpos()
     twist = simulation.target_twist()
     spin = log.target_angular_velocity
@@ -217,8 +212,6 @@ class CameraViews:
 
 
 class Eyes:
-    """Cameras in a running simulation. Raises NoRenderer."""
-
     def __init__(self, scene: Scene, setup: Setup) -> None:
         appearance = appearance_of(scene, setup)
         check_links(appearance.cameras, [*appearance.bodies, "table"])
@@ -252,7 +245,6 @@ def instruction_now(trial: Trial, split: str, words: str) -> str:
 
 
 def instruction_of(scene: Scene, split: str = "unseen") -> str:
-    """The instruction of an episode, of the split "seen" or "unseen"."""
     if scene.sentences:
         return scene.sentences[split]
     return instructions(scene.wording(), scene.spec.rng("language"), 1)[split][0]

@@ -47,15 +47,14 @@ class Retimed:
         return self.rate * self.motion.twist(self._then(t))
 
     def scenery(self) -> tuple[Prop, ...]:
-        props = self.motion.scenery()
-        return tuple(replace(prop, pose=partial(self._later, prop)) for prop in props)
+        def later(prop: Prop, t: ArrayLike) -> Floats:
+            return prop.pose(self._then(t))
+
+        return tuple(replace(p, pose=partial(later, p)) for p in self.motion.scenery())
 
     @property
     def others(self) -> Mapping[str, Motion]:
         return {name: replace(self, motion=m) for name, m in others_of(self.motion).items()}
-
-    def _later(self, prop: Prop, t: ArrayLike) -> Floats:
-        return prop.pose(self._then(t))
 
     def _then(self, t: ArrayLike) -> Floats:
         return self.rate * (np.asarray(t, float) - self.late)
@@ -77,7 +76,6 @@ class Clock:
         return Retimed(motion, STEP_LOCKED_RATE) if self.kind == "step-locked" else motion
 
     def delay(self, measured: float, rng: np.random.Generator) -> float:
-        """Seconds of an inference of `measured` s."""
         v = self.values
         match self.kind:
             case "fixed":
@@ -91,7 +89,6 @@ class Clock:
 
 
 def parse_clock(text: str) -> Clock:
-    """A clock from its name. Raises ClockError, with the names there are."""
     kind, *rest = text.split(":")
     if kind in ("sim", "sim-clock", "paused") and not rest:
         return Clock("sim", "sim")
@@ -134,7 +131,6 @@ Question = Callable[[Floats], tuple[Floats, float]]
 
 
 def in_turn(trial: Trial, ask: Question) -> None:
-    """The robot rests during every inference."""
     while not trial.ending:
         chunk, delay = ask(np.empty((0, trial.length)))
         trial.hold(round(delay * PHYSICS_HZ))

@@ -46,8 +46,8 @@ def _group(rows: Sequence[Row], key: Callable[[Row], Any]) -> dict[Any, list[Row
 
 
 def event_arms(runs: Sequence[str]) -> list[tuple[ComparedPolicy, ComparedPolicy]]:
-    """Each policy of paired evaluations without events and with them, for each clock and rules.
-    Raises CompareError for a run of another kind beside them."""
+    """Each policy of paired evaluations without and with events, by clock and rules. Raises
+    CompareError."""
     found, out = list[dict[str, Any]](), list[tuple[ComparedPolicy, ComparedPolicy]]()
     plain = list[str]()
     for run in runs:
@@ -130,7 +130,6 @@ def check_one_benchmark(rows: Sequence[Row]) -> str:
 
 
 def newest(run: Path) -> list[Row]:
-    """The rows of a directory by the version that wrote last. Raises CompareError."""
     path = run / EPISODES
     if not path.is_file():
         raise CompareError(f"{run}: has no {EPISODES}: name the --out of a domino-data evaluate")
@@ -144,7 +143,6 @@ def newest(run: Path) -> list[Row]:
 
 
 def compare(a: ComparedPolicy, b: ComparedPolicy, effect: float) -> list[dict[str, Any]]:
-    """Compare two policies on the scenes of both. Raises CompareError if they share none."""
     pairs, tried = _pair(a, b), [len(arm.by_episode()) for arm in (a, b)]
     head = {
         "first": a.name,

@@ -83,9 +83,8 @@ def route_completion(tools: Floats, goal: ArrayLike, success: bool) -> float:
 def manipulation_score(
     rc: float, *, out_of_bounds: bool, distractors: int, compounding: bool = False
 ) -> float:
-    """MS: `rc` times 0.5 where the target left its bounds, times 0.8 where distractors were
-    touched: once as in the paper, or with `compounding` for every distractor as in the original
-    code."""
+    """MS: `rc` times 0.5 out of bounds, times 0.8 where distractors were touched: once as in the
+    paper, or for each (`compounding`) as in its code."""
     times = distractors if compounding else min(distractors, 1)
     return rc * (OUT_OF_BOUNDS if out_of_bounds else 1.0) * CLUTTER**times
 

@@ -66,8 +66,7 @@ def page(
     code: str = "",
     benchmark: str = "",
 ) -> str:
-    """The page's text. `cells` and `means` are those of summary.py; `code` is the version of the
-    program, `benchmark` the label of what all were tried on."""
+    """The page's text; `cells` and `means` are those of summary.py."""
     version = f"Code {code[:12]}." if code else ""
     version += f" Benchmark {benchmark}." if benchmark else ""
     episodes = sum(cell["episodes"] for cell in cells)

@@ -65,8 +65,7 @@ class Results:
         return key in self._rows
 
     def append(self, key: str, row: Mapping[str, Any]) -> None:
-        """Add the row of an episode; it is on disk when this returns. Raises OSError, and
-        ResultsError if something else has written to the file."""
+        """Add a row; it is on disk when this returns. Raises OSError, ResultsError."""
         stored = {"key": key, **row}
         with open(self.path, "ab") as file:
             if file.tell() != self._size:
@@ -77,16 +76,14 @@ class Results:
         self._rows[key] = stored
 
     def rows(self) -> list[dict[str, Any]]:
-        """Return all rows in the order in which they were first added."""
         return list(self._rows.values())
 
     def of(self, keys: Iterable[str]) -> list[dict[str, Any]]:
-        """The rows of these keys that are there, in this order."""
         return [self._rows[key] for key in keys if key in self._rows]
 
 
 def check_episode(row: dict[str, Any]) -> None:
-    """Raise ValueError, naming the field, for what is no row of an episode of any version."""
+    """Raise ValueError, naming the field, for what is no row of any version."""
     row.setdefault("probe", "")
     for kind, names in FIELDS.items():
         if wrong := next((name for name in names if not isinstance(row.get(name), kind)), None):

@@ -70,10 +70,8 @@ def numbers(rows: Sequence[Row]) -> Row:
 
 
 def over_tasks(rows: Sequence[Row]) -> list[Row]:
-    """Means of cells over their tasks, all and by category; every task counts the same.
-
-    Wilson's interval of success is for T^2 / sum(1/n) episodes; that of scores a bootstrap
-    inside each task."""
+    """Means of cells over tasks, all and by category. Wilson's interval of success is for T^2 /
+    sum(1/n) episodes; that of scores a bootstrap inside each task."""
     cells: dict[tuple[Any, ...], dict[str, list[Row]]] = defaultdict(lambda: defaultdict(list))
     by = [key for key in CELL if key != "task"]
     for row in rows:
@@ -106,8 +104,7 @@ def over_tasks(rows: Sequence[Row]) -> list[Row]:
 
 
 def two_by_two(means: Sequence[Row]) -> list[str]:
-    """The success rates (per cent) of two conditions as lines of a table, with their interaction
-    in points. Only of groups that have all four sets."""
+    """Lines of a table of success rates (per cent) under two conditions, and their interaction."""
     groups: dict[tuple[Any, ...], dict[str, float]] = defaultdict(dict)
     for mean in means:
         if mean["category"] == "all":
@@ -129,7 +126,7 @@ def two_by_two(means: Sequence[Row]) -> list[str]:
 
 
 def by_clock(cells: Sequence[Row], means: Sequence[Row]) -> list[str]:
-    """The success rates (per cent) by clock as lines of a table, and what the first clock hides."""
+    """Lines of a table of success rates (per cent) by clock, and what the first clock hides."""
     clocks = [*dict.fromkeys(row["clock"] for row in cells)]
     names = {"sim": "paused"} | {c: f"{c.removeprefix('latency:')} ms" for c in clocks[1:]}
     apart = [key for key in CELL if key != "clock"]

@@ -15,8 +15,6 @@ TOKEN = "DOMINO_POLICY_TOKEN"
 
 @dataclass(frozen=True)
 class Address:
-    """Where a server listens. `text` is what the user wrote."""
-
     text: str
     host: str
     port: int
@@ -31,7 +29,6 @@ class Address:
         return f"{scheme}://{host}:{self.port}"
 
     def number(self, option: str) -> int | None:
-        """Positive and whole, if given. Raises PolicyError."""
         value = self.options.get(option)
         if value is None:
             return None
@@ -41,15 +38,14 @@ class Address:
         return int(value)
 
     def choice(self, option: str, known: tuple[str, ...]) -> str:
-        """One of `known`, by default the first. Raises PolicyError."""
         value = self.options.get(option, known[0])
         if value not in known:
             raise PolicyError(f"--policy {self.text}: {option}={value}: choose {', '.join(known)}")
         return value
 
     def label(self, served: str | None = None) -> str:
-        """The policy's name in results: option `label`, else the name `served`, else the address;
-        then the other options. Raises PolicyError for a label that is no word."""
+        """The name in results: option `label`, else `served`, else the address; then other options.
+        Raises PolicyError."""
         given = self.options.get("label")
         if given is not None and not re.fullmatch(r"[A-Za-z0-9_.@+-]{1,80}", given, re.ASCII):
             raise PolicyError(f"--policy {self.text!r}: label: up to 80 letters, digits and _.@+-")
@@ -59,8 +55,7 @@ class Address:
 
 
 def parse_address(text: str, port: int | None = None, options: tuple[str, ...] = ()) -> Address:
-    """The address in a text, with a default port. Raises PolicyError for anything else, and for
-    options not among `options`."""
+    """The address in a text. Raises PolicyError for anything else, and for unknown options."""
     try:
         parts = urlsplit(text)
         host, given = parts.hostname, parts.port or port

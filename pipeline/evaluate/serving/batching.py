@@ -18,16 +18,14 @@ MOST = 64  # questions of one batch
 
 @dataclass(frozen=True, eq=False)
 class Question:
-    """About a memory and an observation, or a start."""
-
     about: Any
     observation: Observation | None
     answer: Future[Any] = field(default_factory=Future[Any])
 
 
 class Batcher:
-    """Answers the questions of all seats with one policy, in a thread: as soon as every playing
-    seat has asked, `most` questions are there, or the first has waited for `wait` s."""
+    """Answers all seats with one policy in a thread: once every playing seat has asked, `most`
+    questions are there, or the first has waited for `wait` s."""
 
     def __init__(self, policy: BatchPolicy, wait: float, most: int = MOST) -> None:
         self.policy, self._wait, self._most = policy, wait, most
@@ -45,7 +43,6 @@ class Batcher:
         return episode
 
     def leave(self, seat: "Seat") -> None:
-        """Batches no longer wait for this seat."""
         with self._lock:
             self._playing.discard(seat)
 
@@ -91,8 +88,6 @@ class Batcher:
 
 
 class Seat:
-    """A policy for one client of a Batcher."""
-
     def __init__(self, batcher: Batcher) -> None:
         self._batcher, self._episode = batcher, None
 
@@ -117,7 +112,6 @@ class Seat:
 
 
 def batcher_of(policy: object, label: str, wait: float) -> Batcher:
-    """A batcher of a policy. Raises PolicyError if it is no BatchPolicy."""
     if not isinstance(policy, BatchPolicy):
         raise PolicyError(f"{label}: is no BatchPolicy: leave out --batch-wait")
     return Batcher(policy, wait)

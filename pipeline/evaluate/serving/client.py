@@ -54,11 +54,9 @@ def open_again[T](opening: Callable[[], T]) -> T:
 
 
 class Client:
-    """A policy behind a connection, which is opened again if it was lost between episodes. One
-    answer may take `seconds`.
-
-    A server without an offer is openpi's own: square images of `size` pixels, and the first
-    `execute` rows of a chunk. `prefix` begins error messages. Raises PolicyError."""
+    """A policy behind a connection, which is opened again if lost between episodes. A server
+    without an offer is openpi's: square images of `size` pixels, the first `execute` rows of a
+    chunk. Raises PolicyError."""
 
     def __init__(
         self,
@@ -78,13 +76,11 @@ class Client:
 
     @property
     def label(self) -> str | None:
-        """The server's name of its policy, if any."""
         name = self.metadata.get("policy")
         return line_of_text(name) if self._offer is not None and isinstance(name, str) else None
 
     def reset(self, start: Start) -> None:
-        """Begin an episode. Raises NoAnswer, and PolicyError if the server refuses the first
-        one."""
+        """Begin an episode. Raises NoAnswer, and PolicyError for the first one."""
         self._start = start
         try:
             self._begin(start)
@@ -209,16 +205,14 @@ class Bridge(ABC):
         """Ask the server for a sign of life. Raises PolicyError."""
 
     @abstractmethod
-    def reset(self, start: Start) -> None:
-        """Begin an episode. Raises PolicyError for a robot that is not the server's."""
+    def reset(self, start: Start) -> None: ...
 
     @abstractmethod
     def act(self, observation: Observation) -> ArrayLike:
         """A chunk (H,A). Raises ActionError for none, else PolicyError."""
 
     @abstractmethod
-    def close(self) -> None:
-        """End the connection, without waiting for anything."""
+    def close(self) -> None: ...
 
 
 @dataclass(frozen=True)
@@ -230,7 +224,6 @@ class BridgeForm:
     options: tuple[str, ...]
 
     def name(self, text: str) -> PolicyName:
-        """Check that the server is there. Raises PolicyError."""
         client = self.make(text)
         client.greet()
         client.close()
@@ -245,7 +238,6 @@ class ServerForm:
     """The forms ws://HOST:PORT, wss://... and openpi://... of a policy's name."""
 
     def name(self, text: str) -> PolicyName:
-        """Connect and ask. Raises PolicyError."""
         client = self.make(text)
         client.close()
         return PolicyName(text, _server_address(text).label(client.label), process="server")

@@ -130,7 +130,6 @@ def _decode(values: dict[Any, Any]) -> Any:
 
 
 def npy(data: bytes) -> NDArray[Any]:
-    """Read the array of an NPY file, without pickles. Raises MessageError."""
     try:
         array = np.load(io.BytesIO(data), allow_pickle=False)
     except (ValueError, SyntaxError, TokenError, EOFError, OSError, MemoryError) as error:

@@ -16,8 +16,8 @@ CLOCK_TOLERANCE = 1e-3  # s
 
 @dataclass(frozen=True)
 class HistorySettings:
-    """The history has `length` images, `stride` control periods apart, the newest a stride before
-    the present: squares, kept at `kept` and sent at `sent` pixels."""
+    """`length` images, `stride` control periods apart, the newest a stride ago: squares, kept at
+    `kept` and sent at `sent` pixels."""
 
     length: int
     stride: int

@@ -20,8 +20,7 @@ REFUSED, FAILED, INVALID, BUSY = 1008, 1011, 1007, 1013
 """WebSocket close codes: refused, no answer, an answer that is no action, all places taken."""
 
 
-class MessageError(DominoError, ValueError):
-    """No message, or one that cannot be answered. One line."""
+class MessageError(DominoError, ValueError): ...
 
 
 def pack(message: Mapping[Any, Any]) -> bytes:
@@ -35,8 +34,8 @@ def pack(message: Mapping[Any, Any]) -> bytes:
 def unpack(
     data: bytes | str, decode: Callable[[dict[Any, Any]], Any] | None = None
 ) -> dict[Any, Any]:
-    """The message in bytes. `decode` replaces the function that turns maps into arrays. Raises
-    MessageError for anything but one whole map within the limits."""
+    """The message in bytes; `decode` turns maps into arrays. Raises MessageError for anything but
+    one whole map within the limits."""
     if isinstance(data, str):
         raise MessageError(f"the message is text, not bytes: {data[:200]!r}")
     limits = {"max_array_len": MOST_ENTRIES, "max_map_len": MOST_ENTRIES, "max_ext_len": 0}

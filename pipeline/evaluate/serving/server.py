@@ -29,8 +29,7 @@ class ServeError(DominoError): ...
 
 @dataclass(frozen=True)
 class ServerLimits:
-    """The HTTP request and the first message may take `open_seconds`, every other
-    `idle_seconds`."""
+    """The HTTP request and the first message have `open_seconds`, others `idle_seconds`."""
 
     clients: int = 1
     open_seconds: float = 10.0
@@ -73,8 +72,7 @@ class PolicyServer:
         self.port = 0
 
     def run(self, started: Callable[[int], None] = lambda port: None) -> None:
-        """Serve until SIGINT or SIGTERM; `started` is called with the port. Raises OSError if it
-        cannot listen."""
+        """Serve until SIGINT or SIGTERM; `started` gets the port. Raises OSError."""
 
         async def until_signal() -> None:
             stop, loop = asyncio.Event(), asyncio.get_running_loop()

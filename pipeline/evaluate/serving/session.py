@@ -62,7 +62,6 @@ class Offer(_Message):
     setup: dict[str, Any] = Field(default_factory=dict)
 
     def keys(self) -> dict[str, Any]:
-        """The offered keys with the types of a Setup. Raises MessageError."""
         setup = _setup_of(self.setup)
         return {key: getattr(setup, key) for key in INTERFACE if key in self.setup}
 
@@ -93,7 +92,6 @@ class EpisodeMessage(_Message):
         )
 
     def start(self) -> Start:
-        """The Start that `of` was given. Raises MessageError."""
         common = (self.prompt, self.embodiment, self.action_names, self.rate)
         sizes, setup = self.image_sizes, _setup_of(self.setup)
         return Start(*common, tuple(sizes), self.seed, sizes, setup, self.lift)
@@ -101,10 +99,8 @@ class EpisodeMessage(_Message):
 
 @dataclass(frozen=True)
 class ServerOptions:
-    """The policy's name in results, and the robot of clients that send no "reset".
-
-    Their episode has `reset_every` questions; with 0 its end is recognised.
-    """
+    """The policy's name, and the robot of clients without "reset": their episodes have
+    `reset_every` questions; with 0 their ends are recognised."""
 
     label: str
     embodiment: str = "aloha-agilex"
@@ -121,7 +117,6 @@ class Session:
         self._last = np.empty((0, 0))
 
     def metadata(self) -> dict[str, Any]:
-        """The server's first message. Raises PolicyError if the policy's own code fails."""
         made_for = attribute(self._policy, "contract")
         made_for = made_for if isinstance(made_for, contracts.Contract) else contracts.Contract()
         setup = contracts.plain(contracts.declared(self._policy))
@@ -129,8 +124,6 @@ class Session:
         return {"policy": self._options.label, "domino": offer}
 
     def answer(self, message: Mapping[Any, Any]) -> dict[str, Any]:
-        """The answer to a message. Raises MessageError, PolicyError, ActionError and what the
-        policy raises."""
         echo = {"id": message["id"]} if isinstance(message.get("id"), int) else {}
         if "reset" in message:
             self._begin(EpisodeMessage.read(message["reset"]).start())
@@ -208,7 +201,6 @@ class Session:
 
 
 def respond(session: Session, data: bytes | str) -> bytes | tuple[str, int]:
-    """The packed answer, or the reason and the close code for none."""
     return guarded(lambda: pack(session.answer(unpack(data))))
 
 

@@ -189,7 +189,6 @@ class Statistics:
 
 
 def read_statistics(path: Path, key: str | None, kind: str) -> Statistics:
-    """Read the bounds of `key`, or the only ones. Raises PolicyError."""
     try:
         table = read_json(path)
         chosen = key or (next(iter(table)) if len(table) == 1 else None)

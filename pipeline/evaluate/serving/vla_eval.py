@@ -29,9 +29,8 @@ def __getattr__(name: str) -> type:
 
 
 class DominoEpisodes:
-    """Tasks of one level, alpha, domain and robot. Actions are drive targets (A,). Scenes are
-    those of a `benchmark`, a name or a file, else admitted. Raises KeyError for an unknown task or
-    robot, ValueError for another unknown option."""
+    """Tasks of one level, alpha, domain and robot, in scenes of a `benchmark` (name or file) or
+    admitted ones. Raises KeyError, ValueError."""
 
     _last_result: Any  # of StepBenchmark
 
@@ -62,15 +61,13 @@ class DominoEpisodes:
 
     @classmethod
     def configure_render(cls, mode: str) -> dict[str, str]:
-        """Rendering finds its device by itself."""
         return {}
 
     def get_tasks(self) -> list[Message]:
         return [{"name": task, "suite": "domino"} for task in self._cells]
 
     def reset(self, task: Message) -> Message:
-        """Start episode `episode_idx` of a task; its first observation. A scene that no benchmark
-        or manifest has is admitted now. Raises ProtocolError."""
+        """Start episode `episode_idx` of a task; its first observation. Raises ProtocolError."""
         self.cleanup()
         cell, index = self._cells[task["name"]], task["episode_idx"]
         if self._benchmark:
@@ -86,7 +83,6 @@ class DominoEpisodes:
         return observation
 
     def step(self, action: Message) -> Any:
-        """One control period. Raises ActionError for an action of another length."""
         from vla_eval.benchmarks.base import StepResult
 
         if self._env is None:

@@ -32,7 +32,6 @@ class Occupied(Unreachable): ...
 
 
 def fault_of(reason: str, code: int | None) -> DominoError:
-    """The error that a server's text and close code stand for."""
     kinds = {INVALID: ActionError, REFUSED: PolicyError, BUSY: Occupied}
     return kinds.get(code or 0, NoAnswer)(reason)
 
@@ -94,8 +93,7 @@ class WebSocket:
         )
 
     def ask(self, data: bytes | None, seconds: float) -> bytes:
-        """Send a message and return the answer. Raises ConnectionLost, NoAnswer if it is late, and
-        `fault_of`."""
+        """Send a message and return the answer. Raises ConnectionLost, NoAnswer and `fault_of`."""
         if self._connection is None:
             raise ConnectionLost(f"{self.url}: the connection is closed")
         try:

@@ -42,13 +42,11 @@ def tool_poses(tcp: Floats) -> Floats:
 
 
 def cell_parts(spec: EpisodeSpec) -> list[str]:
-    """Task, robot, level and domain of an episode's cell."""
     cell = Cell(spec.task, spec.embodiment, spec.level, spec.alpha, spec.domain)
     return cell.path.split("/")
 
 
 def configuration(spec: EpisodeSpec) -> str:
-    """Directory: task, then what replaces the task configuration."""
     task, *rest = cell_parts(spec)
     return f"{task}/{'_'.join(rest)}"
 
@@ -67,8 +65,7 @@ class CellExporter[O](Hdf5Exporter[O]):
         """Every array of a file by key. Raises ExportError."""
 
     @abstractmethod
-    def order(self, options: O) -> JpegOrder:
-        """Order of the colors in the JPEG files."""
+    def order(self, options: O) -> JpegOrder: ...
 
     def directories(self, episodes: Sequence[Path], out: Path) -> dict[Path, list[Path]]:
         return {out / name: paths for name, paths in group_episodes(episodes, self.place).items()}
@@ -147,13 +144,12 @@ def coded(file: EpisodeFile, camera: str, order: JpegOrder) -> NDArray[np.bytes_
 
 
 def front_camera_option() -> Any:
-    """The camera exported as `front_camera`, or None."""
     help = "stored camera to write as front_camera: observer, or the name of one that the recipe"
     return option(f"{help} describes", lambda text: CAMERAS.get(text, text), None)
 
 
 def written_cameras(facts: Facts, front: str | None) -> dict[str, str]:
-    """Exported name of every camera; `front` becomes front_camera. Raises ExportError."""
+    """Exported names by camera; `front` becomes front_camera. Raises ExportError."""
     names = {camera: FRONT if camera == front else camera for camera in facts.cameras}
     problem = ""
     if front is not None and front not in names:
@@ -201,8 +197,7 @@ class Robotwin(CellExporter[RobotwinOptions]):
 
 
 def scene(spec: EpisodeSpec, meta: EpisodeMeta) -> dict[str, Any]:
-    """An entry of scene_info.json: {A} manipulated, {B} the target if another one, {a} and {b} the
-    arms."""
+    """{A} is manipulated, {B} the target if another one, {a} and {b} are the arms."""
     bodies = [meta.objects[name] for name in dict.fromkeys((meta.manipulated, meta.target))]
     info = {f"{{{x}}}": body.description for x, body in zip("AB", bodies, strict=False)}
     info |= {f"{{{x}}}": side for x, side in zip("ab", meta.arms.values(), strict=False)}

@@ -36,8 +36,8 @@ def chunk_images(key: str, values: NDArray[Any]) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class Contents:
-    """One file. `later` names arrays that are other keys one frame later: HDF5 virtual datasets.
-    The file's order depends on `cache`, the bytes of chunks that h5py holds."""
+    """One file. `later` names virtual datasets, which are others one frame later. The order in the
+    file depends on `cache`, the bytes of chunks that h5py holds."""
 
     values: Mapping[str, NDArray[Any] | str]
     attributes: Mapping[str, Any]
@@ -88,12 +88,10 @@ class Hdf5Exporter[O](Exporter[O]):
         """The file of an episode."""
 
     def cameras(self, facts: Facts, options: O) -> dict[str, str]:
-        """Name in the file of each camera. Raises ExportError."""
         return exported_cameras(facts, getattr(options, "camera_names", {}))
 
     @abstractmethod
-    def contents(self, file: EpisodeFile, facts: Facts, options: O, shared: Any) -> Contents:
-        """What the file of an episode holds. Raises ExportError."""
+    def contents(self, file: EpisodeFile, facts: Facts, options: O, shared: Any) -> Contents: ...
 
     def shared(self, paths: Sequence[Path], options: O) -> Any:
         """Plain data on which files depend beside their episodes."""
@@ -102,11 +100,9 @@ class Hdf5Exporter[O](Exporter[O]):
     def note(self, directory: Path, index: int, facts: Facts) -> Any:
         """Write what belongs to an episode beside its file; returns what `finish` needs of it."""
 
-    def finish(self, directory: Path, validation: float, notes: Sequence[Any]) -> None:
-        """Write what describes a directory."""
+    def finish(self, directory: Path, validation: float, notes: Sequence[Any]) -> None: ...
 
     def sum_up(self, values: dict[str, Any], name: str, first: Facts, options: O) -> None:
-        """Add what the summary has of a directory."""
         values.setdefault("cameras", {}).update(self.cameras(first, options))
         values.setdefault("directories", []).append(name)
 

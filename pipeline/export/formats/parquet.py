@@ -33,8 +33,6 @@ GROUP_BYTES = 64 * 1024 * 1024
 
 @dataclass(frozen=True)
 class ParquetOptions(LabelOptions):
-    """Options of the format; a new file begins at `file_bytes`."""
-
     file_bytes: int = option("bytes after which another file begins", whole(1), FILE_BYTES)
     group_bytes: int = option(
         "bytes of images and annotations that a row group does not exceed", whole(1), GROUP_BYTES

@@ -58,7 +58,6 @@ class Plan:
 
     @property
     def images(self) -> dict[str, str]:
-        """ "left_camera" -> "image_cam_left_wrist"."""
         return {camera: f"image_{name}" for camera, name in self.cameras.items()}
 
     @property
@@ -72,7 +71,6 @@ class Plan:
         }
 
     def schema(self) -> pa.Schema:
-        """Metadata: fps, joint names, annotations, Hugging Face features."""
         first = self.first
         columns: dict[str, pa.DataType] = dict.fromkeys(("episode_index", "frame_index"), NUMBER)
         columns |= {"timestamp": pa.float64(), **CONSTANTS, **dict.fromkeys(TEXTS, TEXT)}

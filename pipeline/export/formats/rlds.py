@@ -135,7 +135,6 @@ def episode_features(file: EpisodeFile, facts: Facts, options: RldsOptions) -> d
 
 
 def features_of(file: EpisodeFile, facts: Facts, options: RldsOptions) -> dict[str, Any]:
-    """The content of features.json as TensorFlow Datasets writes it."""
     width, size = len(facts.log.vector_names), options.size or facts.size
     observation: dict[str, Any] = {"state": _tensor("float32", width)}
     for camera, name in exported_cameras(facts, options.camera_names).items():

@@ -57,7 +57,6 @@ def write_records(path: Path, messages: Iterable[bytes]) -> list[int]:
 
 
 def masked_crc(data: bytes) -> int:
-    """The checksum that follows these bytes."""
     crc = int(_crc32c(np.frombuffer(data, np.uint8), _TABLE))
     return ((crc >> 15 | crc << 17) + MASK_DELTA) & 0xFFFFFFFF
 

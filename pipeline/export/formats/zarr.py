@@ -57,7 +57,6 @@ class ZarrArray:
         folder.mkdir(parents=True)
 
     def append(self, values: NDArray[Any]) -> None:
-        """Write full chunks; the rest waits."""
         self._waiting.append(values)
         while sum(map(len, self._waiting)) >= self.rows:
             joined = np.concatenate(self._waiting)

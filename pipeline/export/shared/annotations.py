@@ -52,8 +52,6 @@ TRUTH = {"flow": ("actor_segmentation", "depth"), "masks": ("actor_segmentation"
 
 @dataclass(frozen=True)
 class Joined:
-    """A directory of annotations, and the ending of its columns."""
-
     directory: str
     stage: str
     parameters: Mapping[str, Any]
@@ -90,7 +88,7 @@ def joined_of(dataset: Path, chosen: str, names: Mapping[str, str]) -> list[Join
 def annotation_columns(
     joined: Sequence[Joined], dataset: Path, file: EpisodeFile, facts: Facts
 ) -> dict[str, pa.Array]:
-    """Columns of an open episode. Raises ExportError for an annotation that is damaged or stale."""
+    """Columns of an open episode. Raises ExportError for a damaged or stale annotation."""
     columns: dict[str, pa.Array] = {}
     again = f"run domino-data annotate {dataset} with the options of its stage.json"
     for one in joined:

@@ -44,8 +44,8 @@ def code() -> dict[str, str]:
 
 @dataclass(frozen=True)
 class Job[O]:
-    """One export. What is written never depends on `workers`. `describe(folder, summary)` gives
-    the card's text; `given` is what export.json has beside the options."""
+    """One export; `workers` never change it. `describe(folder, summary)` is the card's text,
+    `given` joins the options in export.json."""
 
     dataset: Path
     out: Path
@@ -75,8 +75,7 @@ class ExportDraft:
 
     @functools.cached_property
     def optional(self) -> frozenset[str]:
-        """Columns of `scalars` that only some exports have. One episode of each folder is looked
-        at. Raises ExportError."""
+        """Optional columns of `scalars`, by one episode of each folder. Raises ExportError."""
         found = {"dataset"} if "datasets" in self._job.given else set[str]()
         for path in {path.parent: path for path in self._job.episodes}.values():
             with reading(path) as file:
@@ -85,7 +84,6 @@ class ExportDraft:
         return frozenset(found)
 
     def hash_of(self, path: Path) -> str:
-        """The sha256 of a file, recorded as an input. Raises ExportError."""
         name = source_of(path, self.dataset)
         sha = self._inputs.get(name)
         if sha is None:
@@ -115,8 +113,7 @@ class ExportDraft:
 
 @contextmanager
 def stage_directory(out: Path, dataset: Path, format_: str) -> Iterator[Path]:
-    """The folder of a new export, which replaces `out` when the block ends well. Raises ExportError
-    for an `out` that is no export in this format, and Busy."""
+    """The folder of an export, which replaces `out` at the end. Raises ExportError, Busy."""
     out, here = Path(os.path.abspath(out)), Path(dataset).resolve()
     real, record = out.resolve(), out / EXPORT_RECORD
     problem = ""

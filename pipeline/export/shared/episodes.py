@@ -34,8 +34,7 @@ PAD = "pad_"
 """How names of numbers in the place of a missing arm begin."""
 
 
-class ExportError(DominoError):
-    """An export that cannot be made."""
+class ExportError(DominoError): ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,7 +101,6 @@ class Facts:
 
     @property
     def padded(self) -> bool:
-        """Whether a missing arm has numbers."""
         names = self.log.vector_names
         return len(self.log.sides) < len(SIDES) and any(name.startswith(PAD) for name in names)
 
@@ -171,7 +169,6 @@ def sort_episodes(episodes: Sequence[Path]) -> list[Path]:
 
 
 def by_embodiment(episodes: Sequence[Path], out: Path) -> dict[str, tuple[Path, list[Path]]]:
-    """Embodiment -> (directory, episodes)."""
     groups = group_episodes(episodes, lambda spec: spec.embodiment)
     return {
         name: (out if len(groups) == 1 else out / name, paths) for name, paths in groups.items()
@@ -211,7 +208,7 @@ def read_facts(
     after_success: float | None = None,
     representation: Representation = JOINTS,
 ) -> Facts:
-    """Read all but the images, until `after_success` s after the success. Raises ExportError."""
+    """All but the images, until `after_success` s after the success. Raises ExportError."""
     episode, path, frames = file.read(), file.path, len(file)
     log, target, cameras = episode.log, file.array("target/pose"), episode.cameras
     seen, unseen = (list(episode.instructions[name]) for name in ("seen", "unseen"))
@@ -281,7 +278,7 @@ def select_episodes(
     validation: float = select.VALIDATION,
     attempts: Callable[[], select.Attempts] = dict,
 ) -> list[Path]:
-    """The episodes that fit `where`, all for "". Raises WhereError, and ExportError for none."""
+    """Episodes that fit `where`, all for "". Raises WhereError, ExportError."""
     if not where:
         return list(episodes)
     wanted, known = select.parse_where(where), attempts()

@@ -31,7 +31,6 @@ def image_column(coded: Sequence[bytes]) -> pa.Array:
 
 
 def sensors_of(file: EpisodeFile, cameras: Sequence[str]) -> tuple[str, ...]:
-    """The sensors of an open episode that any of these cameras has."""
     stored = [
         name
         for name, key in IMAGES.items()

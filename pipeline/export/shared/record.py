@@ -31,8 +31,6 @@ CACHE_NAMES = re.compile(r"(.*/)?meta/[^/]*stats[^/]*\.json|(.*/)?(\.DS_Store|Th
 
 @dataclass(frozen=True)
 class ExportRecord:
-    """The record of the export at `root` (docs/exports.md names its keys)."""
-
     root: Path
     summary: Mapping[str, Any]
     code: Mapping[str, str]
@@ -88,7 +86,6 @@ class ExportRecord:
 
 
 def check_export(dataset: Path, out: Path, episodes: Sequence[Path]) -> list[str]:
-    """The problems of an export, also of a damaged one."""
     try:
         return read_record(out).check(dataset, episodes)
     except ExportError as error:
@@ -96,7 +93,7 @@ def check_export(dataset: Path, out: Path, episodes: Sequence[Path]) -> list[str
 
 
 def read_record(out: Path) -> ExportRecord:
-    """Read export.json. Raises ExportError for a damaged record or another version."""
+    """Read export.json. Raises ExportError."""
     try:
         if (out / EXPORT_RECORD).is_symlink():
             raise ValueError("it is a link")
@@ -138,7 +135,6 @@ def _is_cache(name: str) -> bool:
 
 
 def json_text(value: Any) -> str:
-    """Indented JSON, keys sorted, newline at the end."""
     return json.dumps(value, indent=2, sort_keys=True) + "\n"
 
 
@@ -186,7 +182,6 @@ def write_card(
 
 
 def read_card(path: Path) -> tuple[dict[str, Any], str]:
-    """Front matter and text. Raises ValueError, OSError."""
     begin, sign, rest = path.read_text().partition("---\n")
     front, end, text = rest.partition("\n---\n")
     if begin.strip() or not sign or not end:

@@ -50,15 +50,13 @@ WITHOUT_BODY = {
 
 @dataclass(frozen=True)
 class Script:
-    """One value a frame: `subtask` is about the outermost runs, `skill` the innermost joined by
-    "+"."""
+    """By frame: `subtask` is of the outermost runs, `skill` of the innermost, joined by "+"."""
 
     subtask: list[str]
     skill: list[str]
     stage: list[str]
 
     def changes(self) -> list[int]:
-        """Frames at which the subtask changes, the first included."""
         if not any(self.subtask):
             return []
         return [t for t, text in enumerate(self.subtask) if t == 0 or text != self.subtask[t - 1]]
@@ -92,7 +90,7 @@ def script_of(facts: Facts) -> Script:
 
 
 def rows_of(facts: Facts) -> list[dict[str, Any]]:
-    """The runs with `start_frame` (the first whose action they execute) and `end_frame`."""
+    """Runs with `start_frame`, whose action is their first, and `end_frame`."""
     every = facts.meta.physics_hz // facts.fps
     return [
         asdict(run) | {"start_frame": -(-run.start // every), "end_frame": -(-run.end // every)}
@@ -109,7 +107,6 @@ def spoken_names(facts: Facts) -> dict[str, str]:
 
 
 def describe_runs(runs: Sequence[SkillRun], names: Mapping[str, str]) -> str:
-    """One sentence about simultaneous runs."""
     parts = list[tuple[int, str]]()
     rising = sorted(runs, key=lambda r: (r.skill, r.body, _order(r)))
     for _, group in groupby(rising, lambda r: (r.skill, r.body)):

@@ -82,8 +82,8 @@ class PlaneCounts:
 
 
 def _spread(chroma: Any, step: int) -> Any:
-    """Chroma (h,w) interpolated as libjpeg does; for an even `step` the input of `_at_pixels`,
-    (h+1,w+1)."""
+    """Chroma (h,w) as libjpeg interpolates; for an even `step` the input (h+1,w+1) of
+    `_at_pixels`."""
     if step % 2:
         return _thin(cv2.resize(chroma, None, fx=2, fy=2, interpolation=cv2.INTER_LINEAR), step)
     return cv2.copyMakeBorder(chroma, 1, 0, 1, 0, cv2.BORDER_REPLICATE)
@@ -109,7 +109,6 @@ def _thin(plane: NDArray[np.uint8], step: int) -> NDArray[np.uint8]:
 
 
 def _thinning(height: int, width: int) -> int:
-    """Every how many-th pixel, both ways, is counted."""
     return 1 if max(height, width) < 300 else int((width if width > height else height) / 150)
 
 

@@ -25,14 +25,12 @@ class TableWriter(pq.ParquetWriter):
     """After an error it is given up: pyarrow would try again."""
 
     def close(self) -> None:
-        """Write the footer, once. Raises OSError if the disk refuses."""
         try:
             super().close()
         finally:
             self.is_open = False
 
     def write_table(self, *given: Any, **options: Any) -> None:
-        """Write a table as ParquetWriter does."""
         try:
             super().write_table(*given, **options)
         except OSError:
@@ -50,7 +48,6 @@ class RowWriter:
         self._writer = TableWriter(path, schema, compression="zstd")
 
     def add(self, *rows: dict[str, Any]) -> None:
-        """Add rows, which come to the same row group."""
         self._rows += rows
         if len(self._rows) >= self._group:
             self._flush()
@@ -69,9 +66,8 @@ class RowWriter:
 def scalars(
     facts: Facts, optional: Collection[str], validation: float = VALIDATION
 ) -> dict[str, Any]:
-    """The origin of an episode, one value a column; of OPTIONAL ones those in `optional`. T_meet
-    (s) and x_meet ... (m) are planned; other t_ are s since the first frame, None for what did not
-    happen. Speeds are m/s."""
+    """Where an episode comes from, a value a column. T_meet (s) and x_meet ... (m) are planned;
+    other t_ are s since the first frame, None for what did not happen; speeds are m/s."""
     spec, log, meta, derived = facts.spec, facts.log, facts.meta, interception(facts)
     start, first = log.times[0], derived.first_contacts
     times = {f"t_{event}": log.time_of(event) for event in ("meeting", "release", "success")}
@@ -163,7 +159,6 @@ class Provenance(RowWriter):
         self._firsts = dict[str, Facts]()
 
     def append(self, facts: Facts) -> None:
-        """Add an episode. Raises ExportError if it does not fit the first of its robot."""
         same(self._firsts.setdefault(facts.spec.embodiment, facts), facts)
         objects = {name: info.model_dump() for name, info in facts.meta.objects.items()}
         row = {

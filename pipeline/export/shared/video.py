@@ -19,9 +19,8 @@ from .episodes import ExportError
 
 @dataclass(frozen=True)
 class EncoderLimits:
-    """Defaults of an encoder, and the crf above which it clips without a word. `alone` makes its
-    bytes a function of the frames. `predicted` is for predicted frames: x264's look-ahead
-    differs now and then."""
+    """Beyond `largest_crf` it clips silently. `alone` makes bytes a function of the frames,
+    `predicted` of predicted ones: x264's look-ahead differs now and then."""
 
     crf: int
     largest_crf: int
@@ -68,7 +67,6 @@ class Codec:
         }
 
     def check(self) -> None:
-        """Raise ExportError for an unknown encoder or crf."""
         if self.name not in CODECS or self.name not in av.codecs_available:
             known = ", ".join(CODECS)
             raise ExportError(f"video codec {self.name!r} is not available: use {known}")

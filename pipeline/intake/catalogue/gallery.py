@@ -1,5 +1,6 @@
 """Images of object families with their frames and grasps."""
 
+from collections import defaultdict
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -46,9 +47,7 @@ def _jaws(grasp: Grasp) -> list[Part]:
 
 
 def portrait(instance: Family, marks: bool = False, size: tuple[int, int] = (320, 240)) -> Image:
-    """Image (H,W,3) uint8 RGB of an instance, with frames and grasps if `marks`. Raises
-    NoRenderer.
-    """
+    """(H,W,3) uint8 RGB, with frames and grasps if `marks`. Raises NoRenderer."""
     shape, parts = instance.shape(), list(instance.shape().visual)
     lower, upper = shape.aabb() + ON_TABLE[:3]
     away = np.array([0.35, -0.8, 0.62])
@@ -70,10 +69,16 @@ def portrait(instance: Family, marks: bool = False, size: tuple[int, int] = (320
 def write_gallery(
     path: Path, families: Sequence[str], per_family: int = 6, size: tuple[int, int] = (240, 180)
 ) -> None:
-    """Write one HTML page with instances of each family. Raises NoRenderer."""
     path.parent.mkdir(parents=True, exist_ok=True)  # before the drawing, which takes seconds
-    seeds = range(per_family)
-    exhibits = {name: [_exhibit(_draw(name, k), size) for k in seeds] for name in families}
+    exhibits = defaultdict[str, list[dict[str, Any]]](list)
+    for name in families:
+        for instance in (_draw(name, seed) for seed in range(per_family)):
+            frames, words = instance.frames(), ", ".join(instance.words().seen[-2:])
+            kinds = ", ".join(sorted({g.kind for g in frames.grasps}))
+            notes = (words, f"frames: {', '.join(frames.points)}", f"grasps: {kinds}")
+            drawn = (portrait(instance, marks, size) for marks in (False, True))
+            images = [encode(image, quality=85) for image in drawn]
+            exhibits[name].append({"images": images, "notes": notes})
     values = {"families": exhibits, "width": size[0]}
     write_atomic(path, render_page("pipeline.intake.catalogue", "gallery.html", **values).encode())
 
@@ -83,16 +88,6 @@ def _draw(name: str, seed: int) -> Family:
 
 
 def write_portrait(name: str, path: Path) -> None:
-    """Write PNGs of the first instance. Raises NoRenderer."""
     one = _draw(name, 0)
     both = np.concatenate([portrait(one, marks) for marks in (False, True)], axis=1)
     write_atomic(path, encode(both, ".png"))
-
-
-def _exhibit(instance: Family, size: tuple[int, int]) -> dict[str, Any]:
-    frames = instance.frames()
-    kinds = ", ".join(sorted({g.kind for g in frames.grasps}))
-    words = ", ".join(instance.words().seen[-2:])
-    images = [encode(portrait(instance, marks, size), quality=85) for marks in (False, True)]
-    notes = (words, f"frames: {', '.join(frames.points)}", f"grasps: {kinds}")
-    return {"images": images, "notes": notes}

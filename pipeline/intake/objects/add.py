@@ -27,13 +27,11 @@ class AddedObject(NamedTuple):
 
 
 def add_objects(source: Path, options: ObjectOptions) -> list[AddedObject]:
-    """Read objects in a limited child process and add them. Raises DominoError before anything
-    is written.
-    """
+    """Read objects in a limited child process and add them. Raises DominoError before writing."""
     check_names(options)
     if not source.is_dir():
         check_free([options.name], options.to)
-    drafts = run_limited(str(source), _draft_with_plugins, source, options)
+    drafts = run_limited(str(source), draft_all, source, options)
     return enter_objects(drafts, options.to)
 
 
@@ -46,13 +44,8 @@ def enter_objects(drafts: Mapping[str, ObjectDraft], to: Path) -> list[AddedObje
     return [AddedObject(to / "objects" / name, draft.notes) for name, draft in drafts.items()]
 
 
-def _draft_with_plugins(source: Path, options: ObjectOptions) -> dict[str, ObjectDraft]:
-    load_plugins()  # the family may be one of theirs
-    return draft_all(source, options)
-
-
 def draft_all(source: Path, options: ObjectOptions) -> dict[str, ObjectDraft]:
-    """Objects by name. Raises ObjectError, MeshError."""
+    load_plugins()  # the family may be one of theirs
     if is_robotwin(source):
         return drafts_of_directory(source, options)
     if source.is_dir():
@@ -69,7 +62,6 @@ def check_free(names: Iterable[str], to: Path) -> None:
 
 
 def check_names(options: ObjectOptions) -> None:
-    """Raise ObjectError for bad names and families."""
     name, family = options.name, options.family
     if not is_name(name) or name != name.lower():
         raise ObjectError(f"--name {name!r}: is no name; use lower case and underscores")
@@ -88,12 +80,12 @@ def describe(added: AddedObject) -> Iterator[str]:
     files = directory_of(FAMILIES[name])
     settings, solid = files.settings, files.solid
     size = " x ".join(f"{100 * edge:.1f}" for edge in np.ptp(bounds(solid), axis=0))
-    kinds = sorted(Counter(kind for kind, _, _ in settings.grasps).items())
-    counted = ", ".join(f"{count} {kind}" for kind, count in kinds)
+    kinds = Counter(kind for kind, _, _ in settings.grasps)
+    counted = ", ".join(f"{count} {kind}" for kind, count in sorted(kinds.items()))
     weight = f"{size} cm, {settings.mass:g} kg, {len(solid)} convex pieces"
     yield f"wrote {directory}: {weight}, grasps: {counted or 'none'}"
     if not counted:
-        most = f"nothing of it is narrower than {1000 * WIDEST:.0f} mm as it stands"
-        yield f"{most}: another --up may be, or use it as a goal"
+        narrow = f"nothing is narrower than {1000 * WIDEST:.0f} mm"
+        yield f"{narrow}: try another --up, or use it as a goal"
     yield f"look at it with: domino-data check-object {name} --plugins {plugins} --images out"
     yield f"use it with: --plugins {plugins} --objects {settings.family}={name}"

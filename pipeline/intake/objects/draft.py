@@ -29,9 +29,7 @@ KEPT_DIGITS = 5
 
 @dataclass(frozen=True)
 class ObjectOptions:
-    """The options of `objects add`: kg, kg/m3, m per unit. Textures lie below `within`, by
-    default the mesh's directory.
-    """
+    """In kg, kg/m3, m per unit. Textures lie below `within`, by default the mesh's directory."""
 
     name: str
     family: str
@@ -47,7 +45,7 @@ class ObjectOptions:
 
 @dataclass(frozen=True, eq=False)
 class ObjectDraft:
-    """An object before it is written, with lines on all that was guessed or left out."""
+    """An object before it is written; `notes` are on what was guessed or left out."""
 
     settings: ObjectToml
     looks: Parts
@@ -56,7 +54,6 @@ class ObjectDraft:
 
 
 def draft_of(file: Path, options: ObjectOptions) -> ObjectDraft:
-    """The object of a mesh file. Raises ObjectError and MeshError."""
     mesh = read_mesh(file, options.within)
     scaled = np.diag([options.scale] * 3 + [1.0])
     parts = [part.moved(scaled) for part in mesh.parts]
@@ -92,7 +89,6 @@ def moved(pieces: Sequence[Collider], matrix: np.ndarray) -> tuple[Collider, ...
 def settings_of(
     options: ObjectOptions, solid: Sequence[Collider], grasps: Sequence[Grasp], source: str
 ) -> ObjectToml:
-    """The content of `object.toml`. Raises ObjectError for a mass that is none."""
     volume = sum(one.volume() for one in solid)
     mass = options.mass if options.mass is not None else (options.density or DENSITY) * volume
     words = options.words or (options.name.replace("_", " "),)

@@ -75,9 +75,7 @@ def _along(
 def pinch_at(
     pieces: Sequence[Collider], at: Floats, approach: Floats, opening: Floats
 ) -> Grasp | None:
-    """The grasp with this approach and opening through `at` (3,). None without material or room
-    for a hand.
-    """
+    """The grasp along `approach` and `opening` through `at` (3,), or None."""
     lower, upper, _ = (float(each[0]) for each in _spans(pieces, at[None], opening))
     if not 0.002 < upper - lower <= WIDEST:
         return None
@@ -171,9 +169,7 @@ def _room(
 
 @cache
 def _hand_at_rest() -> tuple[Floats, Floats]:
-    """Points (N,3) of a closed hand in the tcp's frame, and their motion (N,3) per metre of
-    opening.
-    """
+    """Points (N,3) of a closed hand at the tcp, and their motion (N,3) per metre of opening."""
     deep, thick = np.linspace(-PALM, TIP, 13), (-0.007, 0.0, 0.007)
     fingers = [
         (x, side * out, t, side) for x, side, out, t in product(deep, (-1, 1), FINGER, thick)

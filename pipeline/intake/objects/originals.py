@@ -33,9 +33,8 @@ NO_GRASP = "no grasp: it is too wide for two fingers, or there is no room for a 
 
 
 class OriginalModel(NamedTuple):
-    """A directory of RoboTwin-OD and its used instances, by default all. `held` is False if they
-    need no grasp.
-    """
+    """A directory of RoboTwin-OD and its used instances, by default all; `held` ones need a
+    grasp."""
 
     directory: str
     ids: tuple[int, ...]
@@ -43,16 +42,14 @@ class OriginalModel(NamedTuple):
     scale: float
 
 
-def _read_models() -> dict[str, OriginalModel]:
-    out = dict[str, OriginalModel]()
-    with Path(__file__).with_name("originals.csv").open(newline="") as file:
-        for row in csv.DictReader(file):
-            ids, held = tuple(map(int, row["ids"].split())), row["held"] == "yes"
-            out[row["key"]] = OriginalModel(row["directory"], ids, held, float(row["scale"]))
-    return out
-
-
-MODELS: Mapping[str, OriginalModel] = _read_models()
+with Path(__file__).with_name("originals.csv").open(newline="") as _file:
+    MODELS: Mapping[str, OriginalModel] = {
+        row["key"]: OriginalModel(
+            *(row["directory"], tuple(map(int, row["ids"].split()))),
+            *(row["held"] == "yes", float(row["scale"])),
+        )
+        for row in csv.DictReader(_file)
+    }
 """The original's models by family, or by `task.family`. Its cabinet and its kitchen pot are
 articulated, and ours take their places."""
 
@@ -80,9 +77,7 @@ class Found:
 
 
 def provide(assets: str, tasks: Mapping[str, frozenset[str]]) -> Found:
-    """Add the original's objects for these tasks, for this process and its children. Raises
-    RecipeError.
-    """
+    """Add the original's objects for these tasks. Raises RecipeError."""
     root, cache = _root(assets), user_cache("robotwin")
     if cache is None:
         raise RecipeError("assets: there is no home for the cache: set DOMINO_DATA_CACHE")

@@ -16,9 +16,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 from pipeline.data.parsing import ParseError, read_json
 from pipeline.poses import Floats, Pose, from_matrix, quat_rotate
 from pipeline.world.meshes.reader import read_mesh, welded
-from pipeline.world.objects.contract import Grasp
 from pipeline.world.objects.from_files import ObjectError, Phrases
-from pipeline.world.shapes import Collider
 
 from .draft import ObjectDraft, ObjectOptions, check_size, looks_of, moved, settings_of
 from .holding import pinch_at, two_finger_grasps
@@ -60,7 +58,6 @@ def is_robotwin(directory: Path) -> bool:
 
 
 def drafts_of_directory(directory: Path, options: ObjectOptions) -> dict[str, ObjectDraft]:
-    """An object for every instance, NAME or NAME_0 ... Raises ObjectError, MeshError."""
     numbered = instances(directory)
     if not numbered:
         raise ObjectError(f"{directory}: has no base.glb; articulated objects are not read")
@@ -72,7 +69,6 @@ def drafts_of_directory(directory: Path, options: ObjectOptions) -> dict[str, Ob
 
 
 def instances(directory: Path) -> list[Instance]:
-    """The instances of a directory in the order of their numbers."""
     found = list[Instance]()
     for data in filter(Path.is_file, directory.glob("model_data*.json")):
         number = data.stem.removeprefix("model_data")
@@ -85,7 +81,6 @@ def instances(directory: Path) -> list[Instance]:
 
 
 def draft_of_instance(each: Instance, options: ObjectOptions, unscaled: float = 1.0) -> ObjectDraft:
-    """The object of an instance; `unscaled` is the default scale. Raises ObjectError, MeshError."""
     data, noun = _read(each.data), first_of(options.family).words().noun
     given = np.asarray(unscaled if data.scale is None else data.scale, float)
     scale = np.broadcast_to(given * options.scale, 3)
@@ -96,7 +91,10 @@ def draft_of_instance(each: Instance, options: ObjectOptions, unscaled: float = 
     pieces = solid_of(*welded(solids), str(each.solid))
     upright = stand_up(pieces, options.family, options.up, "y", str(each.visual))
     solid = moved(pieces, upright)
-    grasps = contact_grasps(data, scale, upright, solid) or two_finger_grasps(solid)
+    contacts = _poses(data.contact_points_pose, scale, upright)
+    axes = (quat_rotate(at[3:], np.eye(3)[1:]) for at in contacts)
+    pinched = (pinch_at(solid, p[:3], -y, z) for p, (y, z) in zip(contacts, axes, strict=True))
+    grasps = tuple(grasp for grasp in pinched if grasp is not None) or two_finger_grasps(solid)
     mass = options.mass or (None if options.density else MASS)
     usual = replace(options, mass=mass, words=options.words or (noun,))
     source = f"robotwin:{each.data.parent.name}/{each.visual.name}"
@@ -111,7 +109,6 @@ def draft_of_instance(each: Instance, options: ObjectOptions, unscaled: float = 
 
 
 def described_in(each: Instance) -> Path | None:
-    """The file of an instance's descriptions in a checkout."""
     model = each.data.parent.absolute()
     folder = model / "../../../description/objects_description" / model.name
     file = folder / f"base{each.number}.json"
@@ -131,15 +128,6 @@ def _read_phrases(each: Instance, noun: str) -> Phrases | None:
         both.append(tuple(dict.fromkeys(ARTICLE.sub("", text.strip()) for text in short)))
     seen, unseen = both
     return Phrases(noun=noun, seen=(noun, *seen), unseen=unseen or (noun,)) if seen else None
-
-
-def contact_grasps(
-    data: _Data, scale: Floats, upright: Floats, solid: tuple[Collider, ...]
-) -> tuple[Grasp, ...]:
-    poses = _poses(data.contact_points_pose, scale, upright)
-    axes = (quat_rotate(at[3:], np.eye(3)[1:]) for at in poses)
-    grasps = (pinch_at(solid, at[:3], -y, z) for at, (y, z) in zip(poses, axes, strict=True))
-    return tuple(grasp for grasp in grasps if grasp is not None)
 
 
 def _poses(matrices: tuple[Any, ...], scale: Floats, upright: Floats) -> list[Pose]:

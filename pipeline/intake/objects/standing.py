@@ -31,7 +31,7 @@ def solid_of(points: Floats, faces: NDArray[np.int64], name: str) -> tuple[Colli
 
 
 def ways_to_stand(pieces: Sequence[Collider]) -> list[tuple[Floats, float]]:
-    """Up directions (3,) on a flat table with probabilities, likeliest first."""
+    """Up directions (3,) on a table, and how likely each is, likeliest first."""
     corners_of = [np.asarray(one.vertices) for one in pieces]
     hull = trimesh.convex.convex_hull(np.concatenate(corners_of))
     volumes = np.array([one.volume() for one in pieces])
@@ -91,11 +91,8 @@ USUAL = 0.15  # advantage of the side that is up in the file
 def stand_up(
     pieces: Sequence[Collider], family: str, up: str | None, usual: str, name: str
 ) -> Floats:
-    """The 4x4 matrix from the file's frame to z up, origin at the base, heading of the family.
-
-    `up` is the file's axis, None for the one most like the family. Raises ObjectError if it does
-    not stand.
-    """
+    """4x4 from the file's frame to z up, the base's origin and the family's heading. `up` None is
+    the axis most like the family. Raises ObjectError if it falls."""
     ways = ways_to_stand(pieces)
     if up is None:
         near = [_nearest(ways, AXES[usual])]

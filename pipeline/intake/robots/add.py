@@ -16,7 +16,7 @@ from pipeline.world.robots.directory import TOML
 from pipeline.world.robots.pairs import ALIASES, MODELS
 from pipeline.world.robots.stands import wrist_camera
 from pipeline.world.robots.surfaces import load_visual
-from pipeline.world.robots.urdf_file import UrdfError, UrdfLink, UrdfRobot, read_urdf
+from pipeline.world.robots.urdf_file import UrdfError, UrdfRobot, read_urdf
 
 from .anatomy import Anatomy, anatomy, cloud
 from .join import mount
@@ -37,8 +37,8 @@ OVERLAPPING = 0.6  # share of configurations in which a pair of links that alway
 
 @dataclass(frozen=True)
 class RobotOptions:
-    """The options of `robots add`: root link of the arm, driving joint of the gripper, file of a
-    gripper, the link that carries it, directories of packages by name."""
+    """Root link of the arm, driving joint of the gripper, a gripper's file, the link that carries
+    it, and directories of packages by name."""
 
     name: str
     to: Path
@@ -56,9 +56,7 @@ class AddedRobot(NamedTuple):
 
 
 def add_robot(source: Path, options: RobotOptions) -> AddedRobot:
-    """Read a robot in a limited child process and write its directory. Raises DominoError before
-    anything is written.
-    """
+    """Read a robot in a limited child process and write it. Raises DominoError before writing."""
     directory = options.to / "robots" / options.name
     check_name(options.name, directory)
     draft = run_limited(str(source), draft_robot, source, options)
@@ -67,7 +65,6 @@ def add_robot(source: Path, options: RobotOptions) -> AddedRobot:
 
 
 def check_name(name: str, directory: Path) -> None:
-    """Raise RobotError for a name that no robot can have, or that is taken."""
     if not is_name(name) or name != name.lower() or "_" in name or name == NONE:
         raise RobotError(f"--name {name!r}: is no name of a robot; use lower case and hyphens")
     if name in MODELS or name in ALIASES:
@@ -77,7 +74,6 @@ def check_name(name: str, directory: Path) -> None:
 
 
 def draft_robot(source: Path, options: RobotOptions) -> RobotDraft:
-    """A robot before it is written. Raises RobotError, UrdfError."""
     for given in (source, options.gripper or source):
         if not (given.is_file() or given.is_dir()):
             raise RobotError(f"{given}: is neither a URDF, nor an MJCF, nor a directory")
@@ -111,14 +107,13 @@ def _draft_of(robot: UrdfRobot, parts: Anatomy, options: RobotOptions) -> RobotD
         _joint(joint, robot, parts) if joint.name in driven else replace(joint, kind="fixed")
         for joint in parts.joints
     )
-    guessed = [
+    guessed = ", ".join(
         a.name
         for a, b in zip(joints, parts.joints, strict=True)
         if a.kind != "fixed" and (a.velocity, a.effort) != (b.velocity, b.effort)
-    ]
+    )
     if guessed:
-        names = ", ".join(guessed)
-        notes.append(f"limits of speed or effort are missing or placeholders, and guessed: {names}")
+        notes.append(f"limits of speed or effort are missing or placeholders: guessed {guessed}")
     position, approach, opening = (np.round(v, 5) for v in parts.tcp)
     tcp = frame(position, approach, opening)
     middle = tuple((j.lower + j.upper) / 2 for j in joints if j.name in parts.arm_joints)
@@ -131,9 +126,7 @@ def _draft_of(robot: UrdfRobot, parts: Anatomy, options: RobotOptions) -> RobotD
     arm = replace(arm, allowed_overlap=tuple(sorted(touching | {parts.fingers})))
     site = find_site(arm)
     if site is None:
-        raise robot.fault(
-            "finds no place from which the arm reaches over the table without touching"
-        )
+        raise robot.fault("there is no place from which the arm reaches over the table freely")
     # the opening direction is turned so that the wrist camera is above the hand at home
     left = site.arms["left"]
     hand = arm_poses(left, left.home)[left.hand]
@@ -164,37 +157,30 @@ def _joint(joint: Joint, robot: UrdfRobot, parts: Anatomy) -> Joint:
         ends = parts.jaws[joint.name]
         lower, upper = min(ends) - 1e-3, max(ends) + 1e-3
     elif not lower < upper:
-        limits = f"{joint.lower:g} to {joint.upper:g}: give it others"
-        raise robot.fault(
-            f"joint {joint.name!r} has limits {limits}, or make it continuous or fixed"
-        )
+        limits = f"{joint.lower:g} to {joint.upper:g}"
+        raise robot.fault(f"joint {joint.name!r} has limits {limits}: give it lower < upper")
     return replace(joint, lower=lower, upper=upper, velocity=velocity, effort=effort)
 
 
 def _link(robot: UrdfRobot, name: str, pieces: ConvexPieces, notes: list[str]) -> Link:
     link = robot.links[name]
     solids = pieces.of(link.collisions or [shape for shape in link.visuals if shape.kind == "mesh"])
-    mass, com, inertia = _inertial(robot, name, link, sum(piece.volume() for piece in solids))
-    (ixx, ixy, ixz), (_, iyy, iyz), (_, _, izz) = inertia.tolist()
-    x, y, z = com.tolist()
-    looks = load_visual(link.visuals, notes)
-    return Link(name, mass, (x, y, z), (ixx, iyy, izz), looks, solids, (ixy, ixz, iyz))
-
-
-def _inertial(
-    robot: UrdfRobot, name: str, link: UrdfLink, volume: float
-) -> tuple[float, np.ndarray, np.ndarray]:
     if link.mass < 0 or (link.mass == 0 and link.inertia.any()):
         raise robot.fault(f"link {name!r} has mass {link.mass:g}: give it one above 0")
     mass, com, inertia = link.mass, link.com, link.inertia
     if mass == 0:
         points = cloud(robot, name)
-        mass = max(DENSITY * volume / 2, LIGHTEST)
+        mass = max(DENSITY * sum(piece.volume() for piece in solids) / 2, LIGHTEST)
         com = points.mean(0) if len(points) else np.zeros(3)
         size = np.ptp(points, axis=0) if len(points) else np.full(3, 0.01)
         inertia = np.diag(mass / 12 * (np.sum(size**2) - size**2))
     values, axes = np.linalg.eigh(inertia)
-    return max(mass, LIGHTEST), com, axes @ np.diag(np.maximum(values, SMALLEST)) @ axes.T
+    inertia = axes @ np.diag(np.maximum(values, SMALLEST)) @ axes.T
+    (ixx, ixy, ixz), (_, iyy, iyz), (_, _, izz) = inertia.tolist()
+    x, y, z = com.tolist()
+    looks = load_visual(link.visuals, notes)
+    mass = max(mass, LIGHTEST)
+    return Link(name, mass, (x, y, z), (ixx, iyy, izz), looks, solids, (ixy, ixz, iyz))
 
 
 def _foot(robot: UrdfRobot, root: str) -> float:

@@ -20,9 +20,8 @@ JAW_WORDS = ("jaw", "grip", "finger", "claw")
 
 @dataclass(frozen=True, eq=False)
 class Anatomy:
-    """The parts of an arm: gripper joints' (closed, open) positions; `tcp` in the hand's frame;
-    `opening` (m) between open pads.
-    """
+    """Gripper joints' (closed, open) positions; `tcp` in the hand's frame; `opening` (m) of the
+    pads."""
 
     links: tuple[str, ...]
     joints: tuple[Joint, ...]

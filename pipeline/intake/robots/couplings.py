@@ -28,8 +28,7 @@ class CouplingError(ValueError):
 
 @dataclass(frozen=True)
 class Coupling:
-    """A joint with position = `multiplier` x that of joint `leader` + `offset`; a multiplier of 0
-    fixes it."""
+    """A joint's position is `multiplier` times that of `leader`, plus `offset`; 0 fixes it."""
 
     leader: int
     multiplier: float
@@ -37,11 +36,8 @@ class Coupling:
 
 
 def couplings(model: Any) -> dict[int, Coupling]:
-    """How each coupled joint of a compiled MuJoCo model follows a driving one, without gravity,
-    contacts or actuators.
-
-    Raises CouplingError for joints without limits or not in proportion.
-    """
+    """How coupled joints follow a driving one, without gravity, contacts or actuators. Raises
+    CouplingError for joints without limits or not in proportion."""
     by_joint: dict[int, Coupling] = {}
     driven = _driven(model)
     for group in _groups(model):

@@ -1,6 +1,5 @@
 """Reads an MJCF, compiled by MuJoCo, as links, joints and mimic rules of a URDF."""
 
-import math
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path, PureWindowsPath
@@ -28,16 +27,11 @@ from .join import FLANGE
 
 MJCF = (".xml", ".mjcf")
 GREY = (0.5, 0.5, 0.5, 1)  # MuJoCo's colour of a geom that has none
-REPLICAS, HEIGHTS = 10_000, 4_000_000  # of a file at most
 
 
 def read_mjcf(path: Path, scratch: Path, root: Path | None = None) -> UrdfRobot:
-    """The robot of an MJCF whose files lie below `root`, by default the second folder above; meshes
-    go to `scratch`.
-
-    Coupled joints get MuJoCo's mimic rules. Raises UrdfError for a file that MuJoCo refuses, that
-    names files elsewhere, or that no URDF can express.
-    """
+    """The robot of an MJCF with its files below `root`, by default the second folder above; meshes
+    go to `scratch`. Raises UrdfError."""
     try:
         import mujoco
     except ImportError as error:
@@ -104,10 +98,8 @@ class _CompiledModel:
 
     def _joint(self, body: int) -> Joint:
         model, name = self.model, self._name("body", body)
-        parent, at = (
-            int(model.body_parentid[body]),
-            pose(model.body_pos[body], model.body_quat[body]),
-        )
+        parent = int(model.body_parentid[body])
+        at = pose(model.body_pos[body], model.body_quat[body])
         origin = self._from_anchor(parent, compose(at, self.anchors.get(body, pose())))
         ends = self._name("body", parent), name
         if model.body_jntnum[body] == 0:
@@ -203,7 +195,6 @@ def _check_files(path: Path, root: Path) -> None:
         document = read_xml(file)
         if len(seen) == 1 and document.tag != "mujoco":
             raise UrdfError(f"{path}: is no MJCF: it begins with <{document.tag}>, not <mujoco>")
-        _check_size(path, document)
         keys = ("meshdir", "texturedir", "assetdir")
         folders = {c.get(key) or "" for c in document.iter("compiler") for key in keys} | {""}
         for element in document.iter("*"):
@@ -216,18 +207,6 @@ def _check_files(path: Path, root: Path) -> None:
                         raise UrdfError(f"{path}: names {error}") from error
                     if element.tag in ("include", "model"):
                         pending.append(one)
-
-
-def _check_size(path: Path, document: Any) -> None:
-    for element in document.iter("replicate", "hfield"):
-        numbers, most = [element.get("nrow", "0"), element.get("ncol", "0")], HEIGHTS
-        if element.tag == "replicate":
-            above = [element, *element.iterancestors("replicate")]
-            numbers, most = [one.get("count", "1") for one in above], REPLICAS
-        total = math.prod(int(n) for n in numbers if n.strip().isdecimal() and len(n) < 12)
-        if total > most:
-            where = f"{path}: line {element.sourceline}: <{element.tag}>"
-            raise UrdfError(f"{where} makes {total} of it; {most} at most")
 
 
 def _within(path: Path, root: Path, place: Path, name: str) -> Path:

@@ -52,9 +52,8 @@ COARSE = Scan((0.05,), (30, 45, 60, 90), (0, 40, -40), *GRID)
 
 @dataclass(frozen=True, eq=False)
 class Reach:
-    """Shares by (height, pitch) of own half and centre strip (H,P), and `hidden` and `close`
-    shares of cells.
-    """
+    """Shares by (height, pitch) of own half and centre strip (H,P), and of hidden and close
+    cells."""
 
     own: Floats
     mid: Floats
@@ -152,9 +151,7 @@ def _blocks_view(arm: Arm, q: Floats, point: Floats) -> tuple[bool, bool]:
 
 
 def find_site(arm: Arm) -> Embodiment | None:
-    """Two of an arm at the place of PLACES from which it reaches most of the table, at rest;
-    None without any.
-    """
+    """Two of an arm at rest, at the place of PLACES that reaches most of the table, or None."""
     chain = chain_of(replace(arm, base=pose()))
     q = np.random.default_rng(0).uniform(chain.lower, chain.upper, (SAMPLES, chain.dof))
     tools = fk_batch(chain, q)
@@ -193,9 +190,7 @@ def _sample_reach(tools: Floats, place: tuple[float, float, float], yaw: float) 
 
 
 def _homes(robot: Embodiment, q: Floats, tools: Floats) -> dict[str, Floats] | None:
-    """A configuration of each arm over its own side, pointing down, far from joint limits; or
-    None.
-    """
+    """A rest of each arm over its own side, pointing down, far from limits; or None."""
     left, right = (_free_homes(robot, side, q, tools) for side in SIDES)
     together = CollisionWorld(robot).with_objects(margin=ROOM)
     pairs = sorted(product(range(len(left)), range(len(right))), key=sum)

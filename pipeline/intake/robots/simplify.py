@@ -35,7 +35,6 @@ class ConvexPieces:
         self._cut: dict[tuple[object, ...], list[Floats]] = {}
 
     def of(self, shapes: Sequence[UrdfShape]) -> tuple[Collider, ...]:
-        """The shapes of a link as convex pieces in its frame. Raises UrdfError."""
         found = []
         for shape in shapes:
             if shape.kind != "mesh":
@@ -63,9 +62,8 @@ def corners(points: Floats) -> Floats:
 
 
 def convex_parts(mesh: trimesh.Trimesh, how: Cut) -> list[Floats]:
-    """Point sets whose hulls fill the mesh: several if far from convex and coacd is installed.
-    Raises qhull's errors.
-    """
+    """Point sets whose hulls fill the mesh, several if coacd is installed. Raises qhull's
+    errors."""
     whole = trimesh.convex.convex_hull(mesh.vertices)
     one = [np.asarray(whole.vertices, float)]
     if mesh.is_watertight and whole.volume < how.hollow * abs(mesh.volume):

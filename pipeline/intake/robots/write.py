@@ -21,9 +21,7 @@ from pipeline.world.shapes import Collider
 
 @dataclass(frozen=True, eq=False)
 class RobotDraft:
-    """An arm before it is written, and two at their places. `tcp` is in the hand's frame; `foot`
-    is half its edge (m).
-    """
+    """An arm, and two at their places; `tcp` is in the hand's frame, `foot` half its edge (m)."""
 
     arm: Arm
     site: Embodiment
@@ -90,10 +88,7 @@ def _plain(text: str) -> str:
 
 
 def arm_urdf(arm: Arm, prefix: str = "", meshes: bool = False) -> str:
-    """URDF of one arm, to be placed at `arm.base`; names start with `prefix`.
-
-    The gripper's joints have no `<mimic>`: all are driven.
-    """
+    """URDF of one arm at `arm.base`; all gripper joints are driven, none has <mimic>."""
     robot = ET.Element("robot", name=f"{prefix}{arm.model}")
     for link in arm.links:
         _add_link(robot, link, prefix, meshes)
@@ -113,7 +108,6 @@ def rpy_from_quat(q: ArrayLike) -> tuple[float, float, float]:
 
 
 def mesh_file(link: str, piece: int | None = None) -> str:
-    """Path of a link's look or convex piece."""
     return f"meshes/{link}.glb" if piece is None else f"meshes/{link}_{piece}.stl"
 
 

@@ -251,12 +251,10 @@ def test_an_action_that_is_none_is_refused(action):
         {"level": 4},
         {"domain": "moon"},
         {"alpha": -1},
-        {"fps": 30},
-        {"colour": "red"},
     ],
 )
 def test_an_option_that_does_not_exist_is_refused(bad):
-    with pytest.raises(ValueError, match=r"unknown|speed|third_eye|no option"):
+    with pytest.raises(ValueError, match=r"unknown|speed|third_eye"):
         make("click_bell", **bad)
 
 

@@ -38,8 +38,7 @@ from .videos import Prepared, prepare_all
 
 
 class LerobotExporter[O: LerobotOptions](Exporter[O]):
-    """An export of one or several datasets, each made by a `writer`, whose episodes must be like
-    the first."""
+    """One or several datasets, each made by a `writer`, of episodes like the first."""
 
     version: str
     writer: "type[Writer]"
@@ -134,7 +133,6 @@ class Writer(ABC):
 
     @property
     def splits(self) -> dict[str, str]:
-        """The one split of info.json, by the first episode."""
         name = FAILURES if self.first.meta.failure else "train"
         return {name: f"0:{self.provenance.count}"}
 

@@ -138,7 +138,6 @@ def _video_info(facts: Facts, codec: Codec) -> dict[str, Any]:
 
 
 def data_table(columns: Mapping[str, NDArray[Any] | pa.Array], schema: pa.Schema) -> pa.Table:
-    """Rows of a data file from columns (T,) or (T,d), or Arrow arrays."""
     arrays = []
     for field in schema:
         values = columns[field.name]
@@ -174,7 +173,6 @@ def data_columns(
 
 
 def episode_schema(row: dict[str, Any], stats: dict[str, Stats]) -> pa.Schema:
-    """Schema of meta/episodes from a row and its statistics."""
     types: dict[str, pa.DataType] = {}
     for name, value in row.items():
         if name.startswith("domino."):

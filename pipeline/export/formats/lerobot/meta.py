@@ -32,7 +32,6 @@ class Tables:
 
     @property
     def size(self) -> int:
-        """Bytes of the file that the next table goes to."""
         path = self.root / chunk_file(self.number, "parquet")
         return path.stat().st_size if self._writer is not None else 0
 
@@ -42,12 +41,10 @@ class Tables:
 
     @property
     def place(self) -> dict[str, int]:
-        """The chunk_index and file_index of the next table."""
         chunk, file = divmod(self.number, FILES_PER_CHUNK)
         return {"chunk_index": chunk, "file_index": file}
 
     def write(self, table: pa.Table) -> None:
-        """Append a table as one row group."""
         path = self.root / chunk_file(self.number, "parquet")
         if self._writer is None:
             path.parent.mkdir(parents=True, exist_ok=True)
@@ -74,7 +71,6 @@ def read_column(root: Path, name: str) -> NDArray[Any]:
 
 
 def depth_schema(names: Sequence[str]) -> pa.Schema:
-    """Three clock columns, and one of images for each camera."""
     clock = [(name, pa.int64()) for name in ("index", "episode_index", "frame_index")]
     return pa.schema(clock + [(f"{DEPTH}_{name}", IMAGE) for name in names])
 
@@ -104,7 +100,6 @@ ORDER = (
 
 
 def data_schema(features: Mapping[str, Mapping[str, Any]]) -> pa.Schema:
-    """Schema of the data files, with Hugging Face features in the metadata."""
     stored = {name: feature for name, feature in features.items() if feature["dtype"] != "video"}
     kinds = {name: _column(feature) for name, feature in stored.items()}
     described = {"info": {"features": {name: words for name, (_, words) in kinds.items()}}}

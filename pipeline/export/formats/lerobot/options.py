@@ -30,8 +30,6 @@ EPISODES_PER_DATASET = 50_000
 
 @dataclass(frozen=True)
 class LerobotOptions(LabelOptions):
-    """Options of both versions; None is what `Codec` has."""
-
     codec: str = option(f"video encoder: {', '.join(CODECS)}", one_of(*CODECS), Codec.name)
     crf: int | None = option("quality of the video, lower is better and larger", whole(0, 63), None)
     preset: str | None = option(
@@ -97,8 +95,7 @@ class LerobotV3Options(LerobotOptions):
 def datasets_of(
     episodes: Sequence[Path], out: Path, per_task: bool
 ) -> dict[str, tuple[Path, list[Path]]]:
-    """Name -> (directory, episodes): by embodiment, cell with per_task, or level above
-    EPISODES_PER_DATASET."""
+    """Name -> (directory, episodes), by embodiment, cell, or level above EPISODES_PER_DATASET."""
     if per_task:
         groups = group_episodes(episodes, _cell)
     else:

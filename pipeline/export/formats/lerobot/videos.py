@@ -43,8 +43,7 @@ class VideoFile:
     _stream: Any = field(default=None, repr=False)
 
     def append(self, mp4: bytes, frames: int) -> tuple[float, float]:
-        """Add an episode; returns its start and end (s). Raises ExportError for another number of
-        images."""
+        """Returns start and end (s). Raises ExportError for another number of images."""
         begin = self.frames
         with av.open(io.BytesIO(mp4), "r") as clip:
             template: Any = clip.streams.video[0]
@@ -74,8 +73,8 @@ class VideoFile:
 
 @dataclass(frozen=True, eq=False)
 class Prepared:
-    """An episode ready to be appended: by camera its mp4, color counts (3,256) over `sampled`
-    images, and depth maps as PNG."""
+    """An episode to append: by camera its mp4, color counts (3,256) over `sampled` images, depth
+    PNGs."""
 
     facts: Facts
     videos: Mapping[str, bytes]
@@ -85,7 +84,7 @@ class Prepared:
 
 
 def prepare(path: Path, dataset: Path, options: LerobotOptions) -> Prepared:
-    """Read and encode an episode. Raises ExportError, also for odd sizes: the video is 4:2:0."""
+    """Read and encode an episode. Raises ExportError, also for odd sizes (4:2:0)."""
     with reading(path) as file:
         facts = read_facts(file, dataset, options.after_success, options.representation)
         facts = replace(facts, more=options.more_representations, labels=options.labels)
