@@ -146,10 +146,10 @@ def model_floors(
     m, f = options.masks, options.features
     files = resolve(m.detector)
     detector, segmenter = (
-        load_detector(files, device, m.precision),
-        load_segmenter(resolve(m.segmenter), device, m.precision),
+        load_detector(files, device),
+        load_segmenter(resolve(m.segmenter), device),
     )
-    encoder = load_encoder(resolve(f.encoder), f.size, device, f.precision)
+    encoder = load_encoder(resolve(f.encoder), f.size, device)
     short = image_settings(files)["size"]["shortest_edge"]
     counts = frame_counts(dataset, paths)
     with open_episode(dataset / "episodes" / paths[0]) as e:
@@ -168,7 +168,7 @@ def model_floors(
         return [min(batch, n - s) for n in counts for s in range(0, n, batch)]
 
     def masks() -> None:
-        with inference(device, m.precision):
+        with inference(device):
             for n in batches(m.batch):
                 words = {k: v.expand(n, -1) for k, v in text.items()}
                 detector.model(
@@ -182,7 +182,7 @@ def model_floors(
         done()
 
     def features() -> None:
-        with inference(device, f.precision):
+        with inference(device):
             for n in batches(f.batch):
                 encoder.model(pixel_values=patches[:n])
         done()

@@ -7,7 +7,7 @@ OpenCV's fused multiply-add changes Farneback's last bits between CPUs; `bit_sta
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -18,46 +18,23 @@ from .stage_key import AnnotateError
 NORMALISATIONS = ("per_map", "shared", "fixed")
 
 
-class _Thread(threading.local):
-    depth = 0
-    ipp = True
-
-
-@dataclass
-class _Process:
-    inside: int = 0
-    before: tuple[bool, int] = (True, 1)
-    lock: threading.Lock = field(default_factory=threading.Lock)
-
-
-_THREAD, _PROCESS = _Thread(), _Process()
+_LOCK = threading.RLock()
 
 
 @contextmanager
 def bit_stable() -> Iterator[None]:
-    """Compute with OpenCV's baseline kernels and one thread. The last thread out restores the
-    process's kernels.
-    """
-    if _THREAD.depth == 0:
-        with _PROCESS.lock:
-            if _PROCESS.inside == 0:
-                _PROCESS.before = (cv2.useOptimized(), cv2.getNumThreads())
-            _PROCESS.inside += 1
-            _THREAD.ipp = cv2.ipp.useIPP()
-            cv2.setUseOptimized(False)
-            cv2.setNumThreads(1)
-    _THREAD.depth += 1
-    try:
-        yield
-    finally:
-        _THREAD.depth -= 1
-        if _THREAD.depth == 0:
-            with _PROCESS.lock:
-                _PROCESS.inside -= 1
-                if _PROCESS.inside == 0:
-                    cv2.setUseOptimized(_PROCESS.before[0])
-                    cv2.setNumThreads(_PROCESS.before[1])
-                cv2.ipp.setUseIPP(_THREAD.ipp)
+    """OpenCV's baseline kernels and one thread; the settings are the process's, so that threads
+    take turns."""
+    with _LOCK:
+        before = cv2.useOptimized(), cv2.getNumThreads(), cv2.ipp.useIPP()
+        cv2.setUseOptimized(False)
+        cv2.setNumThreads(1)
+        try:
+            yield
+        finally:
+            cv2.setUseOptimized(before[0])
+            cv2.setNumThreads(before[1])
+            cv2.ipp.setUseIPP(before[2])
 
 
 @dataclass(frozen=True)
@@ -115,10 +92,9 @@ def farneback(
 def flow_of(grey: NDArray[np.uint8], stride: int, options: Farneback) -> NDArray[np.float32]:
     """Flow (T,h,w,2) px of grey frames (T,h,w), each pair computed once."""
     flow = np.zeros((*grey.shape, 2), np.float32)
-    with bit_stable():
-        for t, before in enumerate(previous_frames(len(grey), stride)):
-            if before != t:
-                flow[t] = farneback(grey[before], grey[t], options)
+    for t, before in enumerate(previous_frames(len(grey), stride)):
+        if before != t:
+            flow[t] = farneback(grey[before], grey[t], options)
     return flow
 
 

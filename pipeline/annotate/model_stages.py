@@ -114,9 +114,10 @@ class MaskStage:
         if not self.uses_models:
             return plain
         assert self.detector is not None and self.segmenter is not None
-        names = ("prompt", "box_threshold", "text_threshold", "max_area", "precision")
+        names = ("prompt", "box_threshold", "text_threshold", "max_area")
         digests = {"detector": self.detector.digest, "segmenter": self.segmenter.digest}
-        return plain | {name: getattr(o, name) for name in names} | digests
+        given = {name: getattr(o, name) for name in names}
+        return plain | given | {"precision": "auto"} | digests
 
     def read(self, episode: EpisodeFile, dataset: Path, relative: Path) -> Reading:
         source = self.options.prompt if self.uses_models else "metadata"
@@ -137,8 +138,8 @@ class MaskStage:
             )
         assert self.detector is not None and self.segmenter is not None
         device = pick_device(self.device)
-        detector = load_detector(self.detector, device, o.precision)
-        segmenter = load_segmenter(self.segmenter, device, o.precision)
+        detector = load_detector(self.detector, device)
+        segmenter = load_segmenter(self.segmenter, device)
 
         def compute(data: tuple[Prompts, Any]) -> StageResult:
             asked, frames = data
@@ -184,7 +185,7 @@ class FeatureStage:
             "mask_source": self.masks.options.source,
             "encoder": self.encoder.digest,
             "size": self.options.size,
-            "precision": self.options.precision,
+            "precision": "auto",
         }
 
     def read(self, episode: EpisodeFile, dataset: Path, relative: Path) -> Reading:
@@ -208,7 +209,7 @@ class FeatureStage:
 
     def start(self) -> Callable[[Any], StageResult]:
         o = self.options
-        encoder = load_encoder(self.encoder, o.size, pick_device(self.device), o.precision)
+        encoder = load_encoder(self.encoder, o.size, pick_device(self.device))
 
         def compute(data: tuple[Any, Any, Any]) -> StageResult:
             frames, mask, of_masks = data

@@ -49,7 +49,6 @@ class MaskOptions:
     max_area: float = 0.9
     detector: str = "grounding-dino-tiny"
     segmenter: str = "sam2.1-hiera-large"
-    precision: str = "auto"
     batch: int = 8
 
     def __post_init__(self) -> None:
@@ -63,7 +62,6 @@ class FeatureOptions:
 
     encoder: str = "dinov2-base"
     size: int = 224
-    precision: str = "auto"
     batch: int = 16
 
 

@@ -19,7 +19,6 @@ from .store import episode_paths
 from .world_stage import WorldStage
 
 STAGES = ("flow", "masks", "features", "world")
-"""The stages in the order in which they run."""
 
 DEFAULT_STAGES = STAGES[:3]
 

@@ -12,7 +12,6 @@ MOST_STRIDE = 600
 rate."""
 
 MOST_POINTS = 4096
-"""Points that are tracked on a body at most."""
 
 
 class AnnotateError(DominoError): ...

@@ -23,7 +23,6 @@ BoardLine = namedtuple("BoardLine", "head task scores sees_truth own_process")
 """A policy at one level in one domain, over all tasks or on one; `scores` by clock."""
 
 Board = namedtuple("Board", "lines clocks levels domains tasks")
-"""Lines, the best first, and the values that they can be chosen by."""
 
 
 def board(rows: Sequence[Row]) -> Board:

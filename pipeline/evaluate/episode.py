@@ -100,7 +100,8 @@ def play(job: EpisodeJob) -> tuple[Trial, dict[str, Any]]:
 
 
 def _same_prefix(control: Trial, trial: Trial) -> bool:
-    ends = [_first(arm) for arm in (control, trial)]
+    scripts = [arm.simulation.script for arm in (control, trial)]
+    ends = [script.first.fired if script and script.first else np.inf for script in scripts]
     one, two = control.log(), trial.log()
     frames = int((one.times <= ends[1] + 1e-9).sum())
     kept = (one.poses, two.poses), (one.qpos, two.qpos)
@@ -109,11 +110,6 @@ def _same_prefix(control: Trial, trial: Trial) -> bool:
         and all(a[:frames].tobytes() == b[:frames].tobytes() for a, b in kept)
         and one.action[: frames - 1].tobytes() == two.action[: frames - 1].tobytes()
     )
-
-
-def _first(trial: Trial) -> float:
-    script = trial.simulation.script
-    return script.first.fired if script and script.first else np.inf
 
 
 def play_arm(job: EpisodeJob, tape: "list[Answer] | None" = None) -> tuple[Trial, dict[str, Any]]:
@@ -176,9 +172,10 @@ def play_arm(job: EpisodeJob, tape: "list[Answer] | None" = None) -> tuple[Trial
             row["condition"] = "+".join(event.drawn.name for event in given) or "none"
         row["event"] = "+".join(event.drawn.kind for event in happened) or "none"
         row["phase"] = script.first.phase if script.first else "none"
-        names = ("name", "time", "phase")
-        told = ((event.drawn.name, event.fired, event.phase) for event in happened)
-        row["events"] = [dict(zip(names, each, strict=True)) for each in told]
+        row["events"] = [
+            {"name": event.drawn.name, "time": event.fired, "phase": event.phase}
+            for event in happened
+        ]
     return trial, row | {"seconds_spent": dict(spent.seconds)}
 
 

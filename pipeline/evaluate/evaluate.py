@@ -29,7 +29,7 @@ from .scenes.benchmark_rows import RecordedBenchmark
 from .scenes.case import BLIND, BenchmarkError, Case, blind, in_every_arm
 from .scenes.manifests import Manifests, Runner
 from .scoring.clock import Clock
-from .scoring.page import Film, caption, page
+from .scoring.page import caption, page
 from .scoring.results import EPISODES, Results, check_episode, text_key
 from .scoring.summary import Row, each_scene_once, over_tasks, summarise
 from .serving.client import ANSWER_SECONDS
@@ -117,13 +117,18 @@ def evaluate(
         admitted = frozen or seeds.admitted(evaluation.cells, evaluation.episodes, run)
         if evaluation.conditions:
             admitted = in_every_arm(admitted, len(evaluation.setup.events))
-        beside = [_baseline(evaluation, name) for name in BASELINES]
+        plain = replace(evaluation, setup=blind(evaluation.setup), films=0)
+        policies = [PolicyName(name, name, process="evaluator") for name in BASELINES]
+        beside = [replace(plain, policy=policy) for policy in policies]
         tried = [evaluation, *(beside if evaluation.baselines else ())]
 
         def jobs_of(each: Evaluation) -> list[list[EpisodeJob]]:
             return [[_job(each, case) for case in cases] for cases in admitted.values()]
 
-        wanted = _unforeseen(chain(*map(jobs_of, tried)))
+        wanted = list[EpisodeJob]()
+        for jobs in chain(*map(jobs_of, tried)):
+            SystemRandom().shuffle(jobs)  # a policy that counts episodes learns nothing
+            wanted += jobs
         missing = [job for job in wanted if text_key(job.key) not in results]
         if missing:
             for done, (job, (row, commands)) in enumerate(run(run_recorded, missing), 1):
@@ -146,12 +151,11 @@ def evaluate(
 
 def together(outcomes: Iterable[EvaluationResult]) -> EvaluationResult:
     each = [*outcomes]
-    cells, means, baselines = (
-        [row for one in each for row in getattr(one, name)]
+    rows = {
+        name: [row for one in each for row in getattr(one, name)]
         for name in ("cells", "means", "baselines")
-    )
-    run = sum(one.run for one in each)
-    return replace(each[-1], cells=cells, means=means, baselines=baselines, run=run)
+    }
+    return replace(each[-1], **rows, run=sum(one.run for one in each))
 
 
 def _result(
@@ -178,11 +182,6 @@ def _result(
     )
 
 
-def _baseline(evaluation: Evaluation, name: str) -> Evaluation:
-    policy = PolicyName(name, name, process="evaluator")
-    return replace(evaluation, policy=policy, setup=blind(evaluation.setup), films=0)
-
-
 def _check_identity(evaluation: Evaluation, results: Results) -> None:
     wanted = evaluation.benchmark.label if evaluation.benchmark else ""
     for row in results.rows():
@@ -195,15 +194,6 @@ def _check_identity(evaluation: Evaluation, results: Results) -> None:
         if row["policy"] == policy.label and row["probe"] != policy.probe:
             what = f"episodes of another policy with the label {policy.label}"
             raise PolicyError(f"{results.path} holds {what}: give another ?label= or --out")
-
-
-def _unforeseen(cells: Iterable[list[EpisodeJob]]) -> list[EpisodeJob]:
-    """In random order: a policy that counts episodes learns nothing."""
-    chance, out = SystemRandom(), list[EpisodeJob]()
-    for jobs in cells:
-        chance.shuffle(jobs)
-        out += jobs
-    return out
 
 
 def _film(
@@ -222,13 +212,9 @@ def _film(
 
 def _write_page(code: str, results: Results, out: Path) -> Path:
     mine = [row for row in results.rows() if json.loads(row["key"])[0] == code]
-    rows = each_scene_once(mine)
-    rows.sort(key=lambda row: row["key"])
-    films = list[Film]()
-    for row in rows:
-        path = film_path(out, row["key"])
-        if path.exists():
-            films.append((caption(row), path.read_bytes()))
+    rows = sorted(each_scene_once(mine), key=lambda row: row["key"])
+    filmed = ((row, film_path(out, row["key"])) for row in rows)
+    films = [(caption(row), path.read_bytes()) for row, path in filmed if path.exists()]
     path = out / "index.html"
     benchmark = rows[0].get("benchmark", "") if rows else ""
     write_atomic(path, page(summarise(rows), over_tasks(rows), films, code, benchmark).encode())

@@ -27,7 +27,6 @@ from .serving.client import SCHEMES, BridgeForm, Client, ServerForm
 from .serving.process import Process
 
 POLICIES = Registry[Callable[..., Policy]]("policy")
-"""Built-in ones; their arguments are numbers."""
 
 IN_PROCESS = Registry[Callable[[], Policy]]("policy of this process")
 """Classes and functions that make policies, by the text of their names."""

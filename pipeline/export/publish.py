@@ -5,9 +5,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import pyarrow as pa
-import pyarrow.parquet as pq
-
 from pipeline.data.names import EXPORT_RECORD
 
 from .shared.episodes import ExportError
@@ -15,8 +12,6 @@ from .shared.record import CARD, read_card, read_record
 
 FILES = 100_000
 FILES_OF_A_FOLDER = 10_000
-FILE_BYTES = 20 * 1000**3
-GROUP_BYTES = 300 * 1000**2
 TAGS = {"lerobot": "v3.0", "lerobot-v2.1": "v2.1"}
 
 
@@ -84,31 +79,15 @@ def prepare(folder: Path, repo_id: str, private: bool) -> Shipment:
 def _problems(folder: Path, files: dict[str, int]) -> list[str]:
     problems = []
     if len(files) > FILES:
-        problems.append(
-            f"{len(files)} files, {FILES} are allowed: export with --per-task and publish the parts"
-            " one by one"
-        )
-    folders = Counter(Path(name).parent.as_posix() for name in files)
-    for name, n in folders.items():
+        fix = "export with --per-task and publish the parts one by one"
+        problems.append(f"{len(files)} files, {FILES} are allowed: {fix}")
+    for name, n in Counter(Path(name).parent.as_posix() for name in files).items():
         if n > FILES_OF_A_FOLDER:
             problems.append(f"{name}/ has {n} files, {FILES_OF_A_FOLDER} are allowed")
-    for name, size in files.items():
-        if size > FILE_BYTES:
-            problems.append(f"{name} has {size} bytes, {FILE_BYTES} are allowed")
     try:
         read_card(folder / CARD)
     except (OSError, ValueError) as error:
         problems.append(f"no card can be read: {error}")
-    for name in (name for name in files if name.endswith(".parquet")):
-        try:
-            groups = pq.read_metadata(folder / name)
-        except (OSError, pa.ArrowException) as error:
-            problems.append(f"{name} cannot be read: {error}")
-            continue
-        sizes = (groups.row_group(i).total_byte_size for i in range(groups.num_row_groups))
-        if (largest := max(sizes, default=0)) > GROUP_BYTES:
-            held = f"{name} has a row group of {largest} bytes"
-            problems.append(f"{held}, the viewer reads {GROUP_BYTES}")
     return problems
 
 

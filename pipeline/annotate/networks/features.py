@@ -23,10 +23,9 @@ class Encoder:
     grid: int
     prefix: int
     device: str
-    precision: str
 
 
-def load_encoder(files: ModelFiles, size: int, device: str, precision: str) -> Encoder:
+def load_encoder(files: ModelFiles, size: int, device: str) -> Encoder:
     """Load an encoder. Raises AnnotateError for other files, or a size its patches do not
     divide."""
     from transformers import AutoModel
@@ -39,12 +38,12 @@ def load_encoder(files: ModelFiles, size: int, device: str, precision: str) -> E
         odd = f"feature size {size} is no multiple of the patch size {patch} of {files.name}"
         raise AnnotateError(f"{odd}: use {size // patch * patch}")
     prefix, settings = 1 + getattr(model.config, "num_register_tokens", 0), image_settings(files)
-    return Encoder(model, settings, size, size // patch, prefix, device, precision)
+    return Encoder(model, settings, size, size // patch, prefix, device)
 
 
 def patch_tokens(encoder: Encoder, frames: NDArray[np.uint8]) -> NDArray[np.float32]:
     """Normalised patch tokens (N,grid,grid,D) of frames (N,H,W,3)."""
-    with inference(encoder.device, encoder.precision):
+    with inference(encoder.device):
         x = pixels(frames, (encoder.size, encoder.size), encoder.settings, encoder.device)
         tokens = encoder.model(pixel_values=x).last_hidden_state[:, encoder.prefix :].float()
     return tokens.reshape(len(frames), encoder.grid, encoder.grid, -1).cpu().numpy()

@@ -40,7 +40,6 @@ class Detector:
     short: int
     long: int
     device: str
-    precision: str
 
 
 @dataclass(eq=False)
@@ -51,10 +50,9 @@ class Segmenter:
     settings: dict[str, Any]
     side: int
     device: str
-    precision: str
 
 
-def load_detector(files: ModelFiles, device: str, precision: str) -> Detector:
+def load_detector(files: ModelFiles, device: str) -> Detector:
     from transformers import AutoTokenizer, GroundingDinoForObjectDetection
 
     model = load_model(GroundingDinoForObjectDetection, files, device)
@@ -62,15 +60,15 @@ def load_detector(files: ModelFiles, device: str, precision: str) -> Detector:
     settings = image_settings(files)
     size = settings["size"]
     short, long = size.get("shortest_edge", 800), size.get("longest_edge", 1333)
-    return Detector(model, tokenizer, settings, short, long, device, precision)
+    return Detector(model, tokenizer, settings, short, long, device)
 
 
-def load_segmenter(files: ModelFiles, device: str, precision: str) -> Segmenter:
+def load_segmenter(files: ModelFiles, device: str) -> Segmenter:
     from transformers import Sam2Model
 
     model = load_model(Sam2Model, files, device)
     side = model.config.prompt_encoder_config.image_size
-    return Segmenter(model, image_settings(files), side, device, precision)
+    return Segmenter(model, image_settings(files), side, device)
 
 
 def detector_size(height: int, width: int, short: int, long: int) -> tuple[int, int]:
@@ -98,7 +96,7 @@ def detect(
     text = detector.tokenizer([caption], return_tensors="pt", truncation=True, max_length=most)
     text = {k: v.to(detector.device).expand(n, -1) for k, v in text.items()}
     size = detector_size(height, width, detector.short, detector.long)
-    with inference(detector.device, detector.precision):
+    with inference(detector.device):
         x = pixels(frames, size, detector.settings, detector.device)
         seen = torch.ones_like(x[:, 0], dtype=torch.long)
         out = detector.model(pixel_values=x, pixel_mask=seen, **text)
@@ -129,7 +127,7 @@ def segment(
 
     size, side = frames.shape[1:3], segmenter.side
     scale = np.array([side / size[1], side / size[0]] * 2, np.float32)
-    with inference(segmenter.device, segmenter.precision):
+    with inference(segmenter.device):
         x = pixels(frames, (side, side), segmenter.settings, segmenter.device)
         asked = torch.from_numpy(boxes * scale).to(segmenter.device)
         out = segmenter.model(pixel_values=x, input_boxes=asked, multimask_output=False)

@@ -96,15 +96,12 @@ def load_model(cls: type, files: ModelFiles, device: str) -> Any:
 
 
 @contextlib.contextmanager
-def inference(device: str, precision: str) -> Iterator[None]:
-    """Without gradients, in mixed precision; "auto" is half on a GPU, float32 on a CPU."""
+def inference(device: str) -> Iterator[None]:
+    """Without gradients, on a GPU in half precision."""
     import torch
 
-    kind = device.split(":")[0]
-    if precision == "auto":
-        precision = "float16" if kind == "cuda" else "float32"
-    half, mixed = precision != "float32", getattr(torch, precision)
-    cast = torch.autocast(kind, mixed) if half else contextlib.nullcontext()
+    on_gpu = device.startswith("cuda")
+    cast = torch.autocast("cuda", torch.float16) if on_gpu else contextlib.nullcontext()
     with torch.inference_mode(), cast:
         yield
 

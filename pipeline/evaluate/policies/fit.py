@@ -7,7 +7,6 @@ from numpy.typing import NDArray
 from pipeline.data.names import EXPORTED_CAMERAS
 
 DATASET_CAMERAS: dict[str, str] = {name: camera for camera, name in EXPORTED_CAMERAS.items()}
-"""By their exported names."""
 
 
 def scaled(image: NDArray[np.uint8], size: tuple[int, int]) -> NDArray[np.uint8]:

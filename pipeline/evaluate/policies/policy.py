@@ -121,9 +121,7 @@ class BatchPolicy(ABC):
 class SeesTruth(Protocol):
     """Is shown the simulation itself."""
 
-    def see(self, trial: Trial, case: Case) -> None:
-        """Called after `reset`."""
-        ...
+    def see(self, trial: Trial, case: Case) -> None: ...
 
 
 @dataclass(frozen=True)

@@ -23,22 +23,15 @@ from pipeline.data.setup import IMAGES, Setup
 from pipeline.evaluate.lines import line_of_text
 from pipeline.tasks import TASKS
 
-from .benchmark_rows import (
-    BenchmarkHead,
-    FrozenCase,
-    FrozenCell,
-    RecordedBenchmark,
-)
+from .benchmark_rows import BenchmarkHead, FrozenCase, FrozenCell, RecordedBenchmark
 from .case import BenchmarkError, Case
 from .frozen import freeze
 
 FOLDER, SUFFIX = "benchmarks", ".jsonl.xz"
 
 XZ = b"\xfd7zXZ\0"
-"""The first bytes of every xz file."""
 
 LARGEST = 1 << 28
-"""Bytes of text that a benchmark has at most."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +45,6 @@ class Benchmark:
 
     @property
     def label(self) -> str:
-        """See RecordedBenchmark."""
         return self.record(0).label
 
     @property
@@ -68,22 +60,14 @@ class Benchmark:
         if missing := [task for task in named if task in TASKS and task not in held]:
             whole = f"part {self.part} of {name}" if self.part else f"benchmark {name}"
             raise BenchmarkError(f"{missing[0]} is not in {whole}: {', '.join(sorted(held))}")
-        options = {
-            "tasks": "task",
-            "embodiments": "embodiment",
-            "levels": "level",
-            "alpha": "alpha",
-            "domains": "domain",
-        }
-        chosen = {key: options[key] for key in keys if key in options}
         found = [
             cell
             for cell in map(FrozenCell.cell, self.head.cells)
             if (tasks is None or cell.task in tasks)
             and all(
-                getattr(cell, field) in getattr(recipe, key)
-                for key, field in chosen.items()
-                if key != "alpha" or cell.level
+                getattr(cell, key.removesuffix("s")) in getattr(recipe, key)
+                for key in ("tasks", "embodiments", "levels", "alpha", "domains")
+                if key in keys and (key != "alpha" or cell.level)
             )
         ]
         if not found:
@@ -95,10 +79,8 @@ class Benchmark:
         own = self.setup
         for key in ("fps", "rules", "contact", "layout", "camera", "drive"):
             if key in keys and getattr(setup, key) != getattr(own, key):
-                raise BenchmarkError(
-                    f"benchmark {self.head.benchmark} has {key} {getattr(own, key)}, not"
-                    f" {getattr(setup, key)}"
-                )
+                differs = f"has {key} {getattr(own, key)}, not {getattr(setup, key)}"
+                raise BenchmarkError(f"benchmark {self.head.benchmark} {differs}")
         others = (*IMAGES, "events")
         kept = {key: getattr(own, key) for key in Setup.model_fields if key not in others}
         return setup.override(kept)
@@ -114,9 +96,7 @@ class Benchmark:
         """Scenes of each cell, all by default. Raises BenchmarkError for more than there are."""
         name, held = self.head.benchmark, self.head.scenes
         if wanted is not None and wanted > held:
-            raise BenchmarkError(
-                f"benchmark {name} has {held} scenes of each cell, fewer than {wanted}"
-            )
+            raise BenchmarkError(f"benchmark {name} has {held} scenes of each cell, not {wanted}")
         return wanted or held
 
     def cases(self, cells: Sequence[Cell], scenes: int) -> dict[Cell, list[Case]]:
@@ -133,10 +113,8 @@ class Benchmark:
             try:
                 out.append(FrozenCase.model_validate_json(line).case(cell, setup))
             except (ValueError, TypeError, KeyError, AttributeError) as error:
-                raise BenchmarkError(
-                    f"benchmark {self.head.benchmark}: line {number} is no scene of {cell.path}"
-                    f" ({_reason(error)})"
-                ) from error
+                wrong = f"line {number} is no scene of {cell.path} ({_reason(error)})"
+                raise BenchmarkError(f"benchmark {self.head.benchmark}: {wrong}") from error
         if len({case.spec.seed for case in out}) < len(out):
             raise BenchmarkError(f"benchmark {self.head.benchmark} has a scene twice: {cell.path}")
         return out

@@ -21,8 +21,6 @@ _Hash = Annotated[str, Field(pattern=r"^[0-9a-f]{32}$")]
 
 
 class FrozenCell(StrictModel):
-    """A Cell, strictly read."""
-
     task: str
     embodiment: str
     level: int
@@ -34,8 +32,6 @@ class FrozenCell(StrictModel):
 
 
 class FrozenCase(StrictModel):
-    """A case of a cell: see Case."""
-
     seed: Annotated[int, Field(ge=0)]
     motion: dict[str, Any]
     meeting: Annotated[float, Field(ge=0, le=1e4)]
@@ -93,7 +89,5 @@ class RecordedBenchmark(StrictModel):
 
     def __str__(self) -> str:
         part = f", part {self.part}" if self.part else ""
-        return (
-            f"benchmark {self.name} (sha256 {self.sha256[:12]}){part}: {self.scenes} of"
-            f" {self.of} scenes"
-        )
+        whole = f"benchmark {self.name} (sha256 {self.sha256[:12]}){part}"
+        return f"{whole}: {self.scenes} of {self.of} scenes"

@@ -39,7 +39,6 @@ def setup_of(source: Setup | Mapping[str, Any] | str | Path) -> Setup:
 
 
 def blind(setup: Setup) -> Setup:
-    """A setup without images."""
     off = dict.fromkeys(("depth", "segmentation", "pointcloud"), False)
     return setup.setup.override({"cameras": [], "textures": "unseen", **off})
 
@@ -156,6 +155,5 @@ def expert_actions(case: Case) -> Floats:
 
 def in_every_arm(admitted: Mapping[Cell, Sequence[Case]], events: int) -> dict[Cell, list[Case]]:
     return {
-        cell: [arm for case in cases for arm in case.arms(events)]
-        for cell, cases in admitted.items()
+        cell: [a for case in cases for a in case.arms(events)] for cell, cases in admitted.items()
     }

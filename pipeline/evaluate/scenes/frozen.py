@@ -46,10 +46,8 @@ class FrozenBody(StrictModel):
 
     def instance(self) -> Family:
         if self.family not in FAMILIES:
-            raise ValueError(
-                f"the object {self.family[:80]!r} is not installed: give --plugins with its"
-                " directory"
-            )
+            missing = f"the object {self.family[:80]!r} is not installed"
+            raise ValueError(f"{missing}: give --plugins with its directory")
         family: Any = FAMILIES[self.family]
         kinds = {field.name: field.type for field in fields(family)}
         if {name: type(value) for name, value in self.parameters.items()} != kinds:

@@ -194,7 +194,6 @@ def try_seed(job: SeedJob) -> Case | str:
 
 
 def inline(work: Callable[[Any], Any], jobs: Sequence[Any]) -> Iterator[tuple[Any, Any]]:
-    """The runner of one process."""
     return ((job, work(job)) for job in jobs)
 
 

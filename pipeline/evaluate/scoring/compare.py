@@ -14,11 +14,7 @@ from pipeline.data.errors import DominoError
 from pipeline.data.reading import check_plain
 
 from .results import EPISODES, Results, check_episode
-from .statistics import (
-    SceneResult,
-    paired_numbers,
-    sequential,
-)
+from .statistics import SceneResult, paired_numbers, sequential
 from .summary import Row, scene_of
 
 
@@ -193,18 +189,14 @@ def _pair(a: ComparedPolicy, b: ComparedPolicy) -> list[tuple[Row, SceneResult]]
         ends = [(row["success"], other["success"]) for row in rows for other in others]
         won, lost = sum(y and not x for x, y in ends), sum(x and not y for x, y in ends)
         out.append((rows[0], SceneResult(rows[0]["task"], _rate(rows), _rate(others), won, lost)))
-    if not out:
-        raise CompareError(_why_other(a, b))
-    return out
-
-
-def _why_other(a: ComparedPolicy, b: ComparedPolicy) -> str:
-    for name in ("clock", "rules"):
+    for name in ("clock", "rules") if not out else ():
         one, two = (", ".join(sorted({row[name] for row in arm.rows})) for arm in (a, b))
         if one != two:
-            return f"{a.name} and {b.name} differ in {name}: {one} and {two}"
-    same = "evaluate both with the same cells and --seed"
-    return f"{a.name} and {b.name} share no episode: {same}"
+            raise CompareError(f"{a.name} and {b.name} differ in {name}: {one} and {two}")
+    if not out:
+        same = "evaluate both with the same cells and --seed"
+        raise CompareError(f"{a.name} and {b.name} share no episode: {same}")
+    return out
 
 
 def _scenes(pairs: Sequence[tuple[Row, SceneResult]]) -> list[SceneResult]:

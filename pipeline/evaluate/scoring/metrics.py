@@ -132,7 +132,6 @@ def score(trial: Trial, compounding: bool = False) -> EpisodeScore:
 
 
 def failure_class(trial: Trial, log: StateLog) -> str:
-    """One of FAILURES."""
     scene = trial.scene.by_role(log)[0]
     if trial.ending in (OUT_OF_VIEW, *FAULTS):
         return trial.ending
@@ -167,13 +166,13 @@ def _distances(log: StateLog, target: str) -> Floats:
     return np.linalg.norm(log.tcp[:frames, :, :3] - log.pose(target)[:frames, None, :3], axis=-1)
 
 
-def _behind(log: StateLog, target: str, slow: float = 0.005) -> bool:
+def _behind(log: StateLog, target: str) -> bool:
     """In the plane, whether the nearest tool was more behind than beside it."""
     nearest = int(_distances(log, target).argmin())
     frame, side = divmod(nearest, len(log.sides))
     velocity = log.target_velocity[frame, :2]
     speed = float(np.linalg.norm(velocity))
-    if speed < slow:
+    if speed < 0.005:  # m/s
         return False
     ahead = log.pose(target)[frame, :2] - log.tcp[frame, side, :2]
     along = float(ahead @ velocity) / speed

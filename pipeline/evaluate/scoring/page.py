@@ -15,7 +15,6 @@ PARTS = ("policy", "clock", "rules", "embodiment", "domain", "condition")
 
 
 Point = namedtuple("Point", "x y low high")
-"""Where a rate is drawn, and its interval (y grows downwards)."""
 
 Line = namedtuple("Line", "label color points")
 Panel = namedtuple("Panel", "title ticks lines")

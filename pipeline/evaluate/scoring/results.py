@@ -22,7 +22,6 @@ FIELDS: dict[Any, tuple[str, ...]] = {
     int | float: ("level", "alpha", "seed", "route_completion", "manipulation_score"),
     list: ("failed", "penalties"),
 }
-"""That tables and pages read from a row."""
 
 
 class ResultsError(DominoError): ...

@@ -106,36 +106,34 @@ def sign_flip(differences: Sequence[int]) -> float:
     return float(min(1.0, chances[np.abs(sums) >= abs(sum(differences))].sum()))
 
 
-def scenes_needed(variance: float, effect: float, power: float = 0.8) -> int | None:
+def scenes_needed(variance: float, effect: float) -> int | None:
     """Scenes that detect a difference of `effect` (0-1) at the 5 % level: (z + z)^2 variance /
     effect^2. None for a variance of 0."""
     if not variance:
         return None
-    return ceil((norm.ppf(0.975) + norm.ppf(power)) ** 2 * variance / effect**2)
+    return ceil((norm.ppf(0.975) + norm.ppf(0.8)) ** 2 * variance / effect**2)
 
 
 Z95 = 1.959963984540054
 
 
-def wilson(successes: float, trials: float, z: float = Z95) -> tuple[float, float]:
+def wilson(successes: float, n: float) -> tuple[float, float]:
     """Wilson's score interval, in 0-1; (0, 1) without trials. Wilson (1927), JASA 22:209-212."""
-    if trials == 0:
+    if n == 0:
         return 0.0, 1.0
-    p, n = successes / trials, trials
+    p, z = successes / n, Z95
     centre = (p + z * z / (2 * n)) / (1 + z * z / n)
     half = z / (1 + z * z / n) * np.sqrt(p * (1 - p) / n + z * z / (4 * n * n))
     return max(0.0, float(centre - half)), min(1.0, float(centre + half))
 
 
-def bootstrap(
-    values: Sequence[float], level: float = 0.95, resamples: int = 2000
-) -> tuple[float, float]:
-    """Percentile interval of the mean, in any order; NaN for none."""
+def bootstrap(values: Sequence[float]) -> tuple[float, float]:
+    """95 % percentile interval of the mean, in any order; NaN for none."""
     if not len(values):
         return float("nan"), float("nan")
     ordered = np.sort(np.asarray(values, float))
-    index = np.random.default_rng(0).integers(len(ordered), size=(resamples, len(ordered)))
-    low, high = np.quantile(ordered[index].mean(1), [(1 - level) / 2, (1 + level) / 2])
+    index = np.random.default_rng(0).integers(len(ordered), size=(2000, len(ordered)))
+    low, high = np.quantile(ordered[index].mean(1), [0.025, 0.975])
     return float(low), float(high)
 
 

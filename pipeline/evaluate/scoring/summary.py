@@ -81,10 +81,10 @@ def over_tasks(rows: Sequence[Row]) -> list[Row]:
     for key, tasks in cells.items():
         values = {
             name: [[float(row[field]) for row in group] for group in tasks.values()]
-            for name, field in MEANS.items()
+            for name, (field, _) in MEANS.items()
         }
         means: Row = {
-            name: scale(name) * float(np.mean([np.mean(v) for v in groups]))
+            name: MEANS[name][1] * float(np.mean([np.mean(v) for v in groups]))
             for name, groups in values.items()
         }
         rate = means["success_rate"] / 100
@@ -152,25 +152,18 @@ def _processes(rows: Sequence[Row]) -> str:
 
 
 MEANS = {
-    "success_rate": "success",
-    "route_completion": "route_completion",
-    "manipulation_score": "manipulation_score",
+    "success_rate": ("success", 100.0),
+    "route_completion": ("route_completion", 1.0),
+    "manipulation_score": ("manipulation_score", 1.0),
 }
+"""Fields of a row, and what their means are multiplied by."""
 
 
-def scale(name: str) -> float:
-    """Successes are 0 or 1 in a row and per cent in a table."""
-    return 100.0 if name == "success_rate" else 1.0
-
-
-def _stratified_interval(
-    groups: Sequence[Sequence[float]], resamples: int = 2000
-) -> tuple[float, float]:
-    rng = np.random.default_rng(0)
-    means = np.zeros(resamples)
+def _stratified_interval(groups: Sequence[Sequence[float]]) -> tuple[float, float]:
+    rng, means = np.random.default_rng(0), np.zeros(2000)
     for group in groups:
         values = np.sort(np.asarray(group, float))
-        means += values[rng.integers(len(values), size=(resamples, len(values)))].mean(1)
+        means += values[rng.integers(len(values), size=(len(means), len(values)))].mean(1)
     low, high = np.quantile(means / len(groups), [0.025, 0.975])
     return float(low), float(high)
 

@@ -18,6 +18,7 @@ from pipeline.tasks import TASKS
 from pipeline.world.robots import get_embodiment
 
 type Message = dict[str, Any]
+SCORES = ("route_completion", "manipulation_score")
 
 
 def __getattr__(name: str) -> type:
@@ -102,13 +103,11 @@ class DominoEpisodes:
 
     def get_step_result(self, step_result: Any) -> Message:
         score = step_result.info.get("score", {})
-        numbers = {
-            name: score.get(name, 0.0) for name in ("route_completion", "manipulation_score")
-        }
-        return {"success": bool(step_result.info.get("is_success", False))} | numbers
+        success = bool(step_result.info.get("is_success", False))
+        return {"success": success} | {name: score.get(name, 0.0) for name in SCORES}
 
     def get_metric_keys(self) -> dict[str, str]:
-        return {"success": "mean", "route_completion": "mean", "manipulation_score": "mean"}
+        return dict.fromkeys(("success", *SCORES), "mean")
 
     def get_action_spec(self) -> dict[str, Any]:
         return {"joints": self._joints()}
@@ -119,10 +118,9 @@ class DominoEpisodes:
         return {"image": IMAGE_RGB, "state": self._joints(), "language": LANGUAGE}
 
     def get_metadata(self) -> Message:
+        longest = max(TASKS[task].step_limit for task in self._cells)
         return {
-            "max_steps": at_rate(
-                max(TASKS[task].step_limit for task in self._cells), self._setup.fps
-            ),
+            "max_steps": at_rate(longest, self._setup.fps),
             "action_names": list(self._names),
         }
 

@@ -57,8 +57,7 @@ class CellExporter[O](Hdf5Exporter[O]):
     written = SENSORS
 
     @abstractmethod
-    def place(self, spec: EpisodeSpec) -> str:
-        """Directory of an episode."""
+    def place(self, spec: EpisodeSpec) -> str: ...
 
     @abstractmethod
     def arrays(self, file: EpisodeFile, facts: Facts, options: O) -> dict[str, NDArray[Any]]:

@@ -13,18 +13,8 @@ from numpy.typing import NDArray
 from pipeline.data.episode.file import EpisodeFile
 from pipeline.data.names import SIDES
 from pipeline.export.exporter import register
-from pipeline.export.options import (
-    ImageOptions,
-    jpeg_order_option,
-    one_of,
-    option,
-)
-from pipeline.export.shared.episodes import (
-    ExportError,
-    Facts,
-    described_action,
-    reading,
-)
+from pipeline.export.options import ImageOptions, jpeg_order_option, one_of, option
+from pipeline.export.shared.episodes import ExportError, Facts, described_action, reading
 from pipeline.export.shared.images import padded, reencode, resize
 from pipeline.poses import Floats
 

@@ -84,8 +84,7 @@ class Hdf5Exporter[O](Exporter[O]):
         return dict(by_embodiment(episodes, out).values())
 
     @abstractmethod
-    def file(self, directory: Path, index: int) -> Path:
-        """The file of an episode."""
+    def file(self, directory: Path, index: int) -> Path: ...
 
     def cameras(self, facts: Facts, options: O) -> dict[str, str]:
         return exported_cameras(facts, getattr(options, "camera_names", {}))

@@ -32,7 +32,6 @@ from .tfrecord import Value, example, write_records
 
 VERSION = "1.0.0"
 SCALARS = {"task": str, "embodiment": str, "level": int, "alpha": float, "domain": str, "seed": int}
-"""Fields of the spec that `episode_metadata` repeats."""
 
 
 @dataclass(frozen=True)
@@ -42,8 +41,6 @@ class RldsOptions(ImageOptions, LabelOptions):
 
 @register
 class Rlds(Exporter[RldsOptions]):
-    """One dataset a robot."""
-
     name = "rlds"
     options = RldsOptions
     written = (DEPTH,)

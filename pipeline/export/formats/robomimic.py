@@ -19,10 +19,7 @@ from pipeline.data.episode.hdf5 import new_hdf5
 from pipeline.data.slots.select import VALIDATION
 from pipeline.export.exporter import register
 from pipeline.export.options import ImageOptions
-from pipeline.export.shared.episodes import (
-    Facts,
-    described_action,
-)
+from pipeline.export.shared.episodes import Facts, described_action
 from pipeline.export.shared.images import DEPTH, resize
 from pipeline.export.shared.tables import PROVENANCE
 

@@ -14,13 +14,7 @@ from numpy.typing import NDArray
 from pipeline.data.episode.file import EpisodeFile
 from pipeline.data.names import HEAD
 from pipeline.export.exporter import Exporter, Job, register
-from pipeline.export.options import (
-    ImageOptions,
-    camera_names_option,
-    one_of,
-    option,
-    whole,
-)
+from pipeline.export.options import ImageOptions, camera_names_option, one_of, option, whole
 from pipeline.export.shared.draft import ExportDraft
 from pipeline.export.shared.episodes import (
     ExportError,

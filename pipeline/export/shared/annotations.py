@@ -44,7 +44,6 @@ COLUMNS: dict[str, dict[str, pa.DataType]] = {
     "masks": {"masks": pa.list_(MASK)},
     "features": {"features": pa.list_(FEATURE)},
 }
-"""Columns of each stage, before the camera is added to their names."""
 
 TRUTH = {"flow": ("actor_segmentation", "depth"), "masks": ("actor_segmentation",)}
 """Arrays of a camera that a stage reads where it is computed from the simulator's truth."""

@@ -101,7 +101,6 @@ class ExportDraft:
             self._inputs[source_of(path, self.dataset)] = None
 
     def finish(self, summary: Mapping[str, Any]) -> dict[str, Any]:
-        """Write export.json."""
         contents = dict[str, dict[str, Any]]()
         for name in entries(self.folder):
             path = self.folder / name

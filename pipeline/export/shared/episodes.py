@@ -31,7 +31,6 @@ TOOL_TOLERANCE = 1e-3  # m and rad
 Progress = Callable[[int], object] | None
 
 PAD = "pad_"
-"""How names of numbers in the place of a missing arm begin."""
 
 
 class ExportError(DominoError): ...

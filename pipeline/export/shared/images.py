@@ -17,7 +17,6 @@ JpegOrder = Literal["rgb", "bgr"]
 """In "rgb" any reader shows the colors; "bgr" is for code that decodes with cv2 and never swaps."""
 
 DEPTH, SEGMENTATION, POINTCLOUD = SENSORS = ("depth", "segmentation", "pointcloud")
-"""The recipe's keys."""
 
 IMAGES = {DEPTH: "depth", SEGMENTATION: "actor_segmentation"}
 """Sensor -> its arrays (T,H,W) below a camera."""
@@ -48,7 +47,6 @@ def coded_images(file: EpisodeFile, camera: str, sensor: str) -> list[bytes]:
 
 
 def png(image: NDArray[np.uint16] | NDArray[np.uint8]) -> bytes:
-    """PNG of an image (H,W[,3])."""
     return cv2.imencode(".png", image)[1].tobytes()
 
 

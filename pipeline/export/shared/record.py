@@ -18,7 +18,6 @@ from pipeline.data.reading import IRREGULAR, read_regular
 from .episodes import FAILURES, ExportError, source_of
 
 PARTS = ("code", "inputs", "contents")
-"""Keys of export.json beside the summary."""
 
 AGAIN = "remove the directory and export again"
 

@@ -136,12 +136,9 @@ SCALAR_TYPES = {
 }
 
 PROVENANCE = "episodes.parquet"
-"""The file of `Provenance` in most formats."""
 
 
 class Provenance(RowWriter):
-    """Episodes in Parquet."""
-
     def __init__(self, path: Path, draft: ExportDraft) -> None:
         self.optional = draft.optional
         without = {*OPTIONAL} - self.optional

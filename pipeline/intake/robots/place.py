@@ -195,8 +195,7 @@ def _homes(robot: Embodiment, q: Floats, tools: Floats) -> dict[str, Floats] | N
     together = CollisionWorld(robot).with_objects(margin=ROOM)
     pairs = sorted(product(range(len(left)), range(len(right))), key=sum)
     apart = (k for k in pairs if together.first_blocked(left[k[0]], right[k[1]]) is None)
-    found = next(apart, None)
-    return None if found is None else {"left": left[found[0]], "right": right[found[1]]}
+    return next(({"left": left[i], "right": right[k]} for i, k in apart), None)
 
 
 def _free_homes(robot: Embodiment, side: str, q: Floats, tools: Floats) -> list[Floats]:
@@ -224,11 +223,11 @@ def _home_candidates(chain: Chain, x: float, q: Floats, tools: Floats) -> Floats
     return q[near & down]
 
 
-def overlaps(arm: Arm, samples: int = 40) -> dict[tuple[str, str], float]:
+def overlaps(arm: Arm) -> dict[tuple[str, str], float]:
     """Share of random configurations in which unjoined links touch."""
     robot = stood(arm, (FAR, 0.0, 0.0), 0.0, arm.home)
     chain = chain_of(robot.arms["left"])
-    rows = np.random.default_rng(1).uniform(chain.lower, chain.upper, (samples, chain.dof))
+    rows = np.random.default_rng(1).uniform(chain.lower, chain.upper, (40, chain.dof))
     world = CollisionWorld(robot, ())
     scene = world.with_objects(margin=0.0)
     other = (chain.lower + chain.upper) / 2

@@ -125,7 +125,7 @@ def test_the_command_prints_the_line(tmp_path):
         (
             'lower="-2.6" upper="2.6"',
             'lower="0" upper="0"',
-            "joint 'j3' has limits 0 to 0: give it others",
+            "joint 'j3' has limits 0 to 0: give it lower < upper",
         ),
         (
             '<joint name="j1" type="revolute"',

@@ -12,13 +12,7 @@ from numpy.typing import NDArray
 from pipeline.data.spec import EpisodeSpec
 from pipeline.export.exporter import Exporter, Job
 from pipeline.export.shared.draft import ExportDraft
-from pipeline.export.shared.episodes import (
-    EPISODES,
-    FAILURES,
-    Facts,
-    exported_cameras,
-    same,
-)
+from pipeline.export.shared.episodes import EPISODES, FAILURES, Facts, exported_cameras, same
 from pipeline.export.shared.record import write_card, write_json
 from pipeline.export.shared.statistics import Stats, image_stats, vector_stats
 from pipeline.export.shared.tables import Provenance
@@ -119,14 +113,12 @@ class Writer(ABC):
         return index, columns, stats
 
     def end(self, episode: Prepared) -> None:
-        """Count an episode."""
         self.provenance.append(episode.facts)
         self.sampled += episode.sampled
         self.frames += episode.facts.kept
 
     @abstractmethod
-    def append(self, episode: Prepared) -> None:
-        """Add an episode."""
+    def append(self, episode: Prepared) -> None: ...
 
     def close(self) -> None:
         self.provenance.close()
