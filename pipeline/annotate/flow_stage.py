@@ -67,7 +67,6 @@ class FlowStage:
         return self.compute
 
     def compute(self, data: Any) -> StageResult:
-        """Result from grey frames (T,h,w), or a SimView and body poses (T,B,7)."""
         o = self.options
         if o.source == "sim":
             view: SimView = data[0]

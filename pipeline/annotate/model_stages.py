@@ -97,7 +97,6 @@ class MaskStage:
     version = 1
 
     def resolve(self, download: bool = True) -> "MaskStage":
-        """The stage with its models. Raises NoWeights if one is missing."""
         if not self.uses_models:
             return self
         names = (self.options.detector, self.options.segmenter)

@@ -36,10 +36,9 @@ class FlowOptions:
 @dataclass(frozen=True)
 class MaskOptions:
     """`source` is model (GroundingDINO boxes, SAM 2 masks) or sim (exact, from the renderer).
-
-    `objects` are roles ("target", "manipulated") or names. `prompt` is metadata (the object's
-    noun), description, or instruction (the paper's parser; one mask, named "instruction"). A
-    detection of more than `max_area` of the image found nothing."""
+    `objects` are roles or names. `prompt` is metadata (the object's noun), description, or
+    instruction (the paper's parser; one mask, named "instruction"). A detection of more than
+    `max_area` of the image found nothing."""
 
     source: str = "model"
     objects: tuple[str, ...] = ("target", "manipulated")
@@ -67,8 +66,6 @@ class FeatureOptions:
 
 @dataclass(frozen=True)
 class WorldOptions:
-    """How many `points` of each body are tracked, and whether maps of every pixel are kept."""
-
     points: int = 64
     dense: bool = True
 

@@ -56,7 +56,6 @@ def write_entry(
 
 
 def entry_header(path: Path) -> tuple[str, str]:
-    """Key and checksum that a file claims. Raises as `read_entry`."""
     if not path.is_file():
         raise FileNotFoundError(path)
     try:

@@ -98,7 +98,6 @@ class StageWorker:
 def _prefetch[T](
     prepare: Callable[[Path], T], episodes: Sequence[Path]
 ) -> Iterator[tuple[Path, T]]:
-    """`(episode, prepare(episode))` in order, at most AHEAD ahead."""
     pending, rest = deque[tuple[Path, Future[T]]](), iter(episodes)
     with ThreadPoolExecutor(1) as pool:
         try:

@@ -31,7 +31,6 @@ class JointLimits:
     speed: Floats
 
     def clipped(self, action: Floats, before: Floats, seconds: float) -> Floats:
-        """The action moved into the bounds, from the command `before` in `seconds`."""
         # np.clip costs five times as much on so few numbers
         action = np.minimum(np.maximum(action, self.lower), self.upper)
         reach = self.speed * seconds

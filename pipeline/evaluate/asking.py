@@ -55,7 +55,6 @@ def _load(text: str, process: str, prints: Path | None) -> Policy:
 def introduce(
     name: PolicyName, starts: Sequence[Start], seconds: float = ANSWER_SECONDS
 ) -> PolicyName:
-    """After its contract was compared with all `starts`. Raises PolicyError."""
     policy = load_once(name)
     try:
         for start in starts:
@@ -112,7 +111,6 @@ class AskedPolicy:
 
     @property
     def unreachable(self) -> int | None:
-        """Poses that no joints reach; None for joint targets."""
         return None if self._answers is None else self._answers.unreachable
 
     @property

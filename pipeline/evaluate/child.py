@@ -17,8 +17,6 @@ from .serving.session import ServerOptions, Session, guarded, respond
 
 
 def serve(connection: Connection, text: str) -> None:
-    """Answer messages with the policy of a name. Raises EOFError or OSError at the end."""
-
     def session_of() -> Session:
         policy = make_here(PolicyName(text, text))
         if isinstance(policy, SeesTruth):

@@ -34,15 +34,10 @@ from .scenes.trial import Eyes, Trial, instruction_of
 
 STAGE = "correct"
 
-ASTRAY = (0.02, 0.06)
-"""m; the distance at which an expert that waits for an error takes over is drawn from this."""
-
+ASTRAY = (0.02, 0.06)  # m from its path, at which an expert that waits for an error takes over
 LATE = 2.0  # planned meetings after which it takes over at the latest
-
 HELD = (0.3, 1.0)  # range (s) of a perturbation
-
 PUSHED = 0.08  # standard deviation (rad or m) of a push of each arm joint
-
 STIRRED = 1e-3  # m at which a body counts as moved by the policy
 
 
@@ -119,7 +114,8 @@ class _Turn:
             start = start_of(self._trial.scene.embodiment, setup, words)
             self._asked.begin(start, self._trial, self._case)
             while True:
-                for action in self._answer(eyes, words):
+                observation = observe(self._trial, eyes, words)
+                for action in self._asked.answer(observation, self._trial.length):
                     labels.append(self._advice())
                     if self._ends(len(labels) - 1):
                         return [*labels[:-1], *self._perturb(labels[-1])]
@@ -129,9 +125,6 @@ class _Turn:
         finally:
             if eyes:
                 eyes.close()
-
-    def _answer(self, eyes: Eyes | None, words: str) -> Floats:
-        return self._asked.answer(observe(self._trial, eyes, words), self._trial.length)
 
     def _advice(self) -> Floats:
         """To hold still until the expert has seen the target move."""

@@ -259,7 +259,6 @@ class FilmJob:
 
 
 def film(job: FilmJob) -> None:
-    """Run the episode and draw it. Raises as `play`, and NoRenderer."""
     trial, _ = play(job.episode)
     appearance = appearance_of(
         trial.scene, Setup(camera=job.episode.setup.camera, cameras=("head",))

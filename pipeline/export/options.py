@@ -41,7 +41,6 @@ def is_flag(f: Field[Any]) -> bool:
 
 
 def parse_options[O](format: str, kind: type[O], given: Mapping[str, str | bool]) -> O:
-    """The options of a format from texts by field name. Raises ExportError."""
     known: dict[str, Field[Any]] = {f.name: f for f in fields(kind)}  # pyright: ignore[reportArgumentType]
     values: dict[str, Any] = {}
     if unknown := [name for name in given if name not in known]:

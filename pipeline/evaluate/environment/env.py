@@ -32,7 +32,7 @@ from pipeline.tasks import TASKS
 from pipeline.tasks.layout import can_do
 from pipeline.world.robots import get_embodiment
 
-from .observation import NOTHING, Meter, PolicyView, Shaped, StateView, TaskProgress, check_discount
+from .observation import NOTHING, Meter, PolicyView, Shaped, StateView, TaskProgress
 
 ACTIONS = ("joint", "ee", "delta_ee")
 OBSERVATIONS = ("policy", "state")
@@ -40,27 +40,22 @@ REWARDS = ("score", "dense")
 
 
 class DominoEnv(gymnasium.Env[Any, NDArray[np.float32]]):
-    """One task x embodiment x level x alpha x domain. `setup` is a Setup, keys of one, or the
-    directory of a dataset.
+    """One task x embodiment x level x alpha x domain (docs/reinforcement_learning.md). `setup` is
+    a Setup, keys of one, or the directory of a dataset.
 
-    Observation "policy": "agent_pos" (A,) measured joints, grippers 0-1; "instruction"; "pixels"
-    (H,W,3) uint8 by camera; by the setup "depth" (H,W) uint16, mm along the viewing axis,
-    "segmentation" (H,W) uint8, "pointcloud" (N,6). "state": the true state as one vector (N,) with
-    `state_names`. Numbers beyond the spaces are cut.
+    Observation "policy": "agent_pos" (A,), "instruction"; "pixels" (H,W,3) uint8 by camera; by the
+    setup "depth" (H,W) uint16 mm, "segmentation" (H,W) uint8, "pointcloud" (N,6). "state": one
+    vector (N,) with `state_names`. Numbers beyond the spaces are cut.
 
     Action "joint" (A,): drive targets at the end of the period. "ee" (8S,): per arm a tool pose (x,
-    y, z, qw, qx, qy, qz; world) and a gripper value. "delta_ee": poses in the frames of the
-    measured ones.
+    y, z, qw, qx, qy, qz; world) and a gripper value; "delta_ee" is relative to the measured pose.
 
     Reward "score": the manipulation score (0-100) at the end. "dense": 1 at a success plus the
-    change of a potential with `discount` (Meter); the step limit is then `terminated`, because
-    `time_left` shows it.
+    change of a potential (Meter); the step limit is then `terminated`, as `time_left` shows it.
 
-    `scenes=N` draws from N scenes that the expert solves, kept in `manifests` if given; no
-    evaluation with a `--seed` below 10000 shows them. With `scenes=0` a reset without a seed runs
-    the expert on a new scene. With a `benchmark`, a name or a file, seed n takes its frozen scene n
-    of the cell, modulo their number, and a reset without a seed the next one. `info` has
-    "is_success", at the end "score" (EpisodeScore). Raises ValueError, RecipeError."""
+    `scenes=N` draws from N scenes that the expert solves, kept in `manifests` if given; with 0 a
+    reset without a seed runs the expert on a new scene. With a `benchmark` seed n takes its frozen
+    scene n, and a reset without a seed the next one. Raises ValueError, RecipeError."""
 
     metadata = {  # noqa: RUF012
         "render_modes": ["rgb_array"],
@@ -123,7 +118,9 @@ class DominoEnv(gymnasium.Env[Any, NDArray[np.float32]]):
         )
         self.state_names: tuple[str, ...] = getattr(self._view, "names", ())
         self.observation_space: gymnasium.Space[Any] = self._view.space
-        self._discount = check_discount(discount) if reward == "dense" else None
+        if reward == "dense" and not 0 < discount <= 1:
+            raise ValueError(f"discount {discount!r}: give a number above 0 and at most 1")
+        self._discount = discount if reward == "dense" else None
         self._measures = reward == "dense" or observations == "state"
         self._scenes, self._manifests = scenes, None if manifests is None else Path(manifests)
         self._frozen = frozen_scenes(benchmark, self._cell) if benchmark else ()

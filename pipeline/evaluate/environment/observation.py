@@ -8,7 +8,6 @@ import gymnasium
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.data.errors import DominoError
 from pipeline.data.setup import Setup
 from pipeline.evaluate.actions import POSE_NAMES, joint_limits
 from pipeline.evaluate.policies.policy import Observation
@@ -24,9 +23,6 @@ from pipeline.world.robots.contract import Embodiment
 NEARNESS = 3.0  # 1/m; a distance d is worth 1 - tanh(3 d): 10 cm are worth 0.71
 
 LIFT = 0.05  # m
-
-
-class RewardError(DominoError, ValueError): ...
 
 
 class TaskProgress(NamedTuple):
@@ -46,17 +42,13 @@ NOTHING = TaskProgress(0.0, 0.0, 0.0, 0.0)
 
 
 class Meter:
-    """Measures the progress of a trial once a control period; `hold` and `lift` are the best so
-    far.
+    """Measures the progress of a trial once a control period.
 
     - approach: nearness of the nearest acting tool to the handled body; 1 once it was held
-
     - hold: 1 once both fingers of an acting arm touched it (one finger if the target is pressed)
-
     - lift: its greatest rise over LIFT
-
     - place: from the first touch on, the share of success conditions that hold; if something is
-    brought to another body, the mean of that and their nearness"""
+      brought to another body, the mean of that and their nearness"""
 
     def __init__(self, trial: Trial) -> None:
         scene = trial.scene
@@ -100,13 +92,6 @@ class Shaped:
 
 def near(distance: float) -> float:
     return 1.0 - float(np.tanh(NEARNESS * distance))
-
-
-def check_discount(discount: float) -> float:
-    """The discount. Raises RewardError for one outside 0-1."""
-    if not 0 < discount <= 1:
-        raise RewardError(f"discount {discount!r}: give a number above 0 and at most 1")
-    return discount
 
 
 Box = gymnasium.spaces.Box
@@ -158,8 +143,6 @@ class PolicyView:
 
 
 class StateView:
-    """One vector of numbers with `names`."""
-
     def __init__(self, robot: Embodiment, task: Task) -> None:
         limits = joint_limits(robot)
         self._bodies = bodies_of(task)

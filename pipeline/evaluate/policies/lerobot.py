@@ -1,7 +1,7 @@
 """LeRobot policies: --policy lerobot:DIRECTORY_OR_REPO?device=cpu&resize=true&like=EXPORT
 
 Policies that see one observation are asked for `n_action_steps` actions at once, others for one.
-`resize` scales images to the sizes of training; otherwise other sizes are refused."""
+Images of other sizes than in training are refused, unless `resize` scales them."""
 
 import logging
 from dataclasses import astuple, replace
@@ -108,7 +108,6 @@ class LerobotPolicy:
 
 class LerobotForm:
     def name(self, text: str) -> PolicyName:
-        """Asks no repository. Raises PolicyError."""
         settings = parse_settings(text)
         settings.take(*OPTIONS)
         folder, actions = Path(settings.path), stated_actions(settings.options)

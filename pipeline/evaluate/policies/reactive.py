@@ -23,9 +23,9 @@ FOREVER = 1e9  # s
 
 
 class Reactive(Interceptor):
-    """The reactive expert. It sees the target `delay` s late, with an error of `noise` m, and not
-    inside a tunnel; unseen for `memory` s (0: any time), the target is taken to rest. Without its
-    `cue` it may take a like body for the target: then it acts as `Interceptor`."""
+    """It sees the target `delay` s late, with an error of `noise` m, and not inside a tunnel;
+    unseen for `memory` s (0: any time), the target is taken to rest. Without its `cue` it may take
+    a like body for the target: then it acts as `Interceptor`."""
 
     def __init__(
         self, noise: float = 0.0, delay: float = 0.0, cue: float = 1, memory: float = 0

@@ -117,7 +117,6 @@ def start_hash(poses: Floats, qpos: Floats) -> str:
 
 
 def log_hash(log: StateLog) -> str:
-    """Hash of all that a state log measured and commanded."""
     return _digest([log.poses, log.qpos, log.qvel, log.action])
 
 

@@ -215,7 +215,10 @@ def case_of_seed(cell: Cell, seed: int, setup: Setup) -> Case:
     """The seed, else the next derived one. Raises NoCase after TRIES seeds."""
     case: Case | str = ""
     for number in range(TRIES):
-        case = remembered(SeedJob(cell, derived_seed(seed, number), setup.calm))
+        # 63 bits that no neighbour leads to
+        later = hashlib.sha256(f"{seed}/{number}".encode()).digest()[:8]
+        drawn = int.from_bytes(later, "little") >> 1 if number else seed
+        case = remembered(SeedJob(cell, drawn, setup.calm))
         if isinstance(case, Case):
             return case
     what = f"{TRIES} scenes of {cell.task} drawn from seed {seed}"
@@ -242,10 +245,3 @@ def check_case(case: object, cell: Cell, setup: Setup) -> None:
     if case.setup != setup.calm:
         both = f"{case.setup.label}, the environment of {setup.label}"
         raise OtherCase(f"the case is of the setup {both}")
-
-
-def derived_seed(seed: int, number: int) -> int:
-    """The seed for number 0, then 63 bits that no neighbour leads to."""
-    if number == 0:
-        return seed
-    return int.from_bytes(hashlib.sha256(f"{seed}/{number}".encode()).digest()[:8], "little") >> 1

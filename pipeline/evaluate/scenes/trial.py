@@ -155,8 +155,6 @@ class Watched(Outcome):
 
 
 class StepConditions:
-    """Call `after_step` behind every physics step."""
-
     def __init__(self, scene: Scene, simulation: Simulation, recorder: Recorder) -> None:
         self._scene, self._simulation, self._recorder = scene, simulation, recorder
         # only the condition `was_lifted` asks for heights between frames
@@ -203,8 +201,6 @@ def _and(rows: Floats, row: Floats) -> Floats:
 
 @dataclass(eq=False)
 class CameraViews:
-    """What cameras show of one moment, as in Observation."""
-
     images: dict[str, NDArray[np.uint8]] = field(default_factory=dict[str, NDArray[np.uint8]])
     depth: dict[str, NDArray[np.uint16]] = field(default_factory=dict[str, NDArray[np.uint16]])
     segmentation: dict[str, NDArray[np.uint8]] = field(default_factory=dict[str, NDArray[np.uint8]])

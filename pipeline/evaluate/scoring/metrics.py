@@ -35,15 +35,11 @@ touched what is handled, dropped, else unfinished."""
 
 @dataclass(frozen=True)
 class EpisodeScore:
-    """The numbers of one episode.
-
-    `route_completion` and `manipulation_score` are in 0-100. `failed` names the success conditions
-    that do not hold at the end, `failure` is one of FAILURES ("" for a success), `penalties` those
-    of out_of_bounds and clutter that apply, `meeting` the time (s) of the first touch, `hold` how
-    much later (s) something first held the target for two frames in a row, `nearest` the smallest
-    distance (m) of a tool from the target up to then, `jerk` the root mean square of the third
-    derivative of the tool positions (m/s3), `seconds` the simulated time.
-    """
+    """`route_completion` and `manipulation_score` are in 0-100. `failed` names the success
+    conditions that do not hold at the end, `failure` is one of FAILURES or "". `meeting` is the
+    time (s) of the first touch, `hold` how much later (s) something first held the target for two
+    frames, `nearest` the smallest distance (m) of a tool from the target up to then, `jerk` the
+    root mean square of the third derivative of the tool positions (m/s3)."""
 
     success: bool
     route_completion: float
@@ -69,7 +65,6 @@ def progress(start: ArrayLike, end: ArrayLike, goal: ArrayLike) -> float:
 
 
 def subgoals_reached(task: Task, missing: Collection[str]) -> dict[str, bool]:
-    """Judge which subgoals hold although the conditions `missing` do not."""
     return {name: not {*parts} & {*missing} for name, parts in task.subgoals.items()}
 
 

@@ -28,7 +28,6 @@ def each_scene_once(rows: Sequence[Row]) -> list[Row]:
 
 
 def summarise(rows: Sequence[Row]) -> list[Row]:
-    """One row for each combination of CELL, in order of appearance."""
     groups: dict[tuple[Any, ...], list[Row]] = defaultdict(list)
     for row in rows:
         groups[tuple(row.get(key, "") for key in CELL)].append(row)
@@ -39,7 +38,6 @@ def summarise(rows: Sequence[Row]) -> list[Row]:
 
 
 def numbers(rows: Sequence[Row]) -> Row:
-    """Rates (per cent) and means (0-100) with 95 % intervals."""
     successes = sum(row["success"] for row in rows)
     low, high = wilson(successes, len(rows))
     out: Row = {

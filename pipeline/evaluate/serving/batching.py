@@ -92,7 +92,6 @@ class Seat:
         self._batcher, self._episode = batcher, None
 
     def __getattr__(self, name: str) -> Any:
-        """The policy's declared interface (contract.py)."""
         if name in ("contract", "setup", "fps", "cameras", "size"):
             return getattr(self._batcher.policy, name)
         raise AttributeError(name)

@@ -235,8 +235,6 @@ class BridgeForm:
 
 
 class ServerForm:
-    """The forms ws://HOST:PORT, wss://... and openpi://... of a policy's name."""
-
     def name(self, text: str) -> PolicyName:
         client = self.make(text)
         client.close()

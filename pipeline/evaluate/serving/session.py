@@ -44,7 +44,6 @@ class _Message(BaseModel):
 
     @classmethod
     def read(cls, value: object) -> Self:
-        """The part in plain data. Raises MessageError, which names the key."""
         try:
             return cls.model_validate(value)
         except ValidationError as error:
@@ -55,8 +54,6 @@ class _Message(BaseModel):
 
 
 class Offer(_Message):
-    """A policy's interface, under "domino" in the metadata."""
-
     version: int
     contract: contracts.Contract
     setup: dict[str, Any] = Field(default_factory=dict)
@@ -67,8 +64,6 @@ class Offer(_Message):
 
 
 class EpisodeMessage(_Message):
-    """The start of an episode, under "reset"; see Start."""
-
     prompt: str = Field(max_length=2000)
     embodiment: str = Field(max_length=200)
     action_names: tuple[str, ...] = Field(min_length=1, max_length=256)
@@ -108,8 +103,6 @@ class ServerOptions:
 
 
 class Session:
-    """A policy for one connection, which may hold many episodes."""
-
     def __init__(self, policy: Policy, options: ServerOptions) -> None:
         self._policy, self._options = policy, options
         self._start: Start | None = None

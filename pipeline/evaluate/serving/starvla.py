@@ -1,12 +1,10 @@
-"""A policy on a StarVLA server (deployment/model_server of starVLA, revision 0ed0aad).
+"""A policy on a StarVLA server (deployment/model_server of starVLA, revision 0ed0aad;
+docs/policy_server.md).
 
     server    {"action_keys": [text, ...], "available_unnorm_keys", "training_obs_image_size"}
     client    {"type": "predict_action", "request_id": text, "payload": {"unnorm_key": text,
                "examples": [{"image": [(H,W,3) uint8, ...], "lang": text}]}}
-    server    {"status", "ok": true, "request_id", "data": {"actions": (1,T,A)}}
-
-`action_keys` decide the order of actions. Images are head, left wrist, right wrist, scaled
-without keeping their shape. Servers of before PR #318: docs/policy_server.md."""
+    server    {"status", "ok": true, "request_id", "data": {"actions": (1,T,A)}}"""
 
 from dataclasses import dataclass, replace
 from functools import partial

@@ -127,7 +127,6 @@ class WebSocket:
         return answer, connection.close_code
 
     def _within[T](self, seconds: float, work: Coroutine[Any, Any, T]) -> T:
-        """Done by the thread of this connection. Raises TimeoutError."""
         limited = asyncio.wait_for(work, seconds)
         return asyncio.run_coroutine_threadsafe(limited, self._loop).result()
 

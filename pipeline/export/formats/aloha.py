@@ -117,7 +117,6 @@ def joint_velocity(facts: Facts) -> Floats:
 
 
 def _rows(facts: Facts, longest: int) -> dict[str, NDArray[Any]]:
-    """Arrays by key, one row a frame, padded to `longest` rows."""
     log, spin = facts.log, facts.log.target_angular_velocity
     arrays: dict[str, NDArray[Any]] = {
         "observations/qpos": log.state.astype(np.float32),

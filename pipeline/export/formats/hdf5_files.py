@@ -80,7 +80,6 @@ class Hdf5Exporter[O](Exporter[O]):
     """Files are numbered in the order of the episodes."""
 
     def directories(self, episodes: Sequence[Path], out: Path) -> dict[Path, list[Path]]:
-        """Directory -> its episodes, which are alike."""
         return dict(by_embodiment(episodes, out).values())
 
     @abstractmethod

@@ -37,7 +37,6 @@ HELD_OUT = 10
 class RobomimicOptions(ImageOptions):
     @property
     def representations(self) -> tuple[Representation, ...]:
-        """The chosen representation and that of `abs_actions`."""
         chosen = self.representation
         return (chosen, replace(chosen, actions=chosen.kind))
 
@@ -94,7 +93,6 @@ class Robomimic(Hdf5Exporter[RobomimicOptions]):
         return Contents(values, attributes, {f"next_{key}": key for key in obs})
 
     def finish(self, directory: Path, validation: float, notes: Sequence[Any]) -> None:
-        """Write demos.hdf5: links to demos, and masks."""
         columns = ["length", "task", "level", "physics_id", "source", "split"]
         rows = pq.read_table(directory / PROVENANCE, columns=columns).to_pylist()
         masks: dict[str, list[str]] = defaultdict(list)

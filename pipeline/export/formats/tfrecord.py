@@ -45,7 +45,6 @@ def _varint(value: int) -> bytes:
 
 
 def write_records(path: Path, messages: Iterable[bytes]) -> list[int]:
-    """Returns the bytes of each message."""
     lengths = []
     with path.open("wb") as f:
         for message in messages:

@@ -95,7 +95,6 @@ def label_names(labels: Sequence[str], joint: str = "_") -> dict[str, list[str]]
 
 
 def label_values(facts: Facts, labels: Sequence[str], joint: str = "_") -> dict[str, Floats]:
-    """Values (T,N) of each column of `label_names`."""
     log, names = facts.log, labelled(facts) if labels else []
     rows, columns = [log.bodies.index(name) for name in names], dict[str, Floats]()
     for label in labels:

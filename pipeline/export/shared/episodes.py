@@ -91,7 +91,6 @@ class Facts:
         return self.names_in(self.representation)
 
     def names_in(self, representation: Representation) -> list[str]:
-        """Names of an action in a representation, those of a padded arm included."""
         names = list(representation.names(self.log.vector_names))
         if not representation.poses or not self.padded:
             return names
@@ -153,12 +152,10 @@ def described_action(facts: Facts) -> dict[str, Any]:
 
 
 def choose_instruction(spec: EpisodeSpec, seen: Sequence[str]) -> str:
-    """The seen instruction of an episode, by spec and list only."""
     return seen[int(spec.rng("export_instruction").integers(len(seen)))]
 
 
 def sort_episodes(episodes: Sequence[Path]) -> list[Path]:
-    """Sorted paths. Raises ExportError for none, or one given twice."""
     paths = sorted((Path(p) for p in episodes), key=lambda p: p.as_posix())
     if not paths:
         raise ExportError("there are no episodes to export; run the build first")

@@ -61,7 +61,6 @@ class ExportRecord:
         return sorted({*entries(self.root)} - {*self.contents, EXPORT_RECORD})
 
     def foreign(self) -> list[Path]:
-        """Unlisted files that are no reader's cache."""
         return [self.root / name for name in self.unlisted() if not _is_cache(name)]
 
     def check(self, dataset: Path, episodes: Sequence[Path]) -> list[str]:

@@ -99,7 +99,6 @@ def rows_of(facts: Facts) -> list[dict[str, Any]]:
 
 
 def spoken_names(facts: Facts) -> dict[str, str]:
-    """A body's noun, or its description if another has the noun."""
     objects = facts.meta.objects
     counts = Counter(info.noun for info in objects.values())
     names = {n: o.noun if counts[o.noun] == 1 else o.description for n, o in objects.items()}

@@ -101,7 +101,6 @@ def _at_pixels(spread: NDArray[np.uint8], step: int) -> NDArray[np.uint8]:
 
 
 def _thin(plane: NDArray[np.uint8], step: int) -> NDArray[np.uint8]:
-    """Every step-th sample, both ways, as its own array."""
     if step not in (2, 4, 8):
         return plane[::step, ::step].copy()
     # the low byte of an integer: many at a time

@@ -40,8 +40,6 @@ class TableWriter(pq.ParquetWriter):
 
 
 class RowWriter:
-    """A Parquet file in groups of `group` rows."""
-
     def __init__(self, path: Path, schema: pa.Schema, group: int) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
         self._rows, self._group = list[dict[str, Any]](), group

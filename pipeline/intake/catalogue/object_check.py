@@ -131,7 +131,6 @@ def _frames(one: Family, shape: Shape) -> Iterator[str]:
 
 
 def _hollows(family: str, one: Family, shape: Shape) -> Iterator[str]:
-    """Before each frame the object must be as hollow as its family."""
     model = first_of(family)
     theirs, own = model.frames().points, one.frames().points
     for label in theirs.keys() & own.keys() - {"base", "top"}:

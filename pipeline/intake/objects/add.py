@@ -36,7 +36,6 @@ def add_objects(source: Path, options: ObjectOptions) -> list[AddedObject]:
 
 
 def enter_objects(drafts: Mapping[str, ObjectDraft], to: Path) -> list[AddedObject]:
-    """Write and add drafts. Raises ObjectError for a taken name."""
     check_free(drafts, to)
     for name, draft in drafts.items():
         write_object(draft, to / "objects" / name)

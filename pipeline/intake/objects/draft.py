@@ -71,7 +71,6 @@ def looks_of(parts: Sequence[Part], upright: np.ndarray) -> Parts:
 
 
 def check_size(file: Path, parts: Sequence[Part]) -> None:
-    """Raise ObjectError for an object that fits in no hand and on no table."""
     points = np.concatenate([part.points for part in parts])
     size = float(np.ptp(points, axis=0).max())
     if not SMALLEST <= size <= LARGEST:

@@ -84,8 +84,6 @@ class LerobotExporter[O: LerobotOptions](Exporter[O]):
 
 
 class Writer(ABC):
-    """One dataset: append, close, then finish."""
-
     def __init__(
         self, draft: ExportDraft, root: Path, first: Facts, options: LerobotOptions
     ) -> None:
@@ -129,7 +127,6 @@ class Writer(ABC):
         return {name: f"0:{self.provenance.count}"}
 
     def finish(self) -> dict[str, Any]:
-        """After `close`: describe the whole dataset; returns counts."""
         meta, first = self.root / "meta", self.first
         counts = {"episodes": self.provenance.count, "frames": self.frames}
         summary = counts | {"tasks": len(self.tasks), "fps": first.fps}

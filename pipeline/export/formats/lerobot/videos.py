@@ -106,7 +106,6 @@ def prepare(path: Path, dataset: Path, options: LerobotOptions) -> Prepared:
 def prepare_all(
     paths: Sequence[Path], dataset: Path, options: LerobotOptions, workers: int
 ) -> Iterator[Prepared]:
-    """Prepare episodes in order, at most two a worker ahead."""
     if workers <= 1:
         with _one_thread():
             yield from (prepare(path, dataset, options) for path in paths)
