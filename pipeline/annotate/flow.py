@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from .stage_key import AnnotateError
+from .stage import AnnotateError
 
 NORMALISATIONS = ("per_map", "shared", "fixed")
 

@@ -26,17 +26,18 @@ from .networks.masks import (
 from .networks.models import ModelFiles, pick_device, resolve
 from .options import FeatureOptions, MaskOptions
 from .stage import (
+    AnnotateError,
     NotReady,
     Reading,
     Render,
     StageResult,
+    annotation_key,
     decode_frames,
     directory_of,
     encoded_frames,
     frames_inputs,
     sim_reading,
 )
-from .stage_key import AnnotateError, annotation_key
 from .store import entry_header
 
 ROLES = ("target", "manipulated")

@@ -8,7 +8,7 @@ from pipeline.data.names import HEAD
 from pipeline.data.parsing import FEWEST_PIXELS, MOST_PIXELS
 
 from .flow import Colour, Farneback
-from .stage_key import AnnotateError
+from .stage import AnnotateError
 
 
 def _choice(name: str, value: str, choices: tuple[str, ...]) -> None:

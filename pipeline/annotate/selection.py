@@ -13,8 +13,7 @@ from .flow_stage import FlowStage
 from .model_stages import FeatureStage, MaskStage
 from .networks.models import NoWeights, resolve
 from .options import AnnotateOptions
-from .stage import Redraw, Stage
-from .stage_key import AnnotateError
+from .stage import AnnotateError, Redraw, Stage
 from .store import episode_paths
 from .world_stage import WorldStage
 

@@ -1,5 +1,6 @@
 """A stage of annotation: read (input hashes) -> decode (on a thread) -> compute -> store."""
 
+import hashlib
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -12,10 +13,35 @@ from pipeline.data.cameras import View
 from pipeline.data.episode.file import EpisodeError, EpisodeFile
 from pipeline.data.episode.frames import decode_frame
 from pipeline.data.episode.world import WorldTruth
-from pipeline.data.keys import arrays_digest, frames_digest
+from pipeline.data.errors import DominoError
+from pipeline.data.keys import arrays_digest, canonical, frames_digest
 from pipeline.poses import Floats
 
-from .stage_key import AnnotateError, stage_key
+MOST_STRIDE = 600
+"""Frames between the two images of a flow pair at most: ten seconds at the highest recording
+rate."""
+
+MOST_POINTS = 4096
+
+
+class AnnotateError(DominoError): ...
+
+
+def digest(value: Any) -> str:
+    return hashlib.sha256(canonical(value)).hexdigest()
+
+
+def annotation_key(
+    stage: str, version: int, parameters: Mapping[str, Any], inputs: Mapping[str, Any]
+) -> str:
+    of_stage = {"stage": stage, "version": version, "parameters": dict(parameters)}
+    return digest(of_stage | {"inputs": dict(inputs)})
+
+
+def stage_key(stage: str, version: int, parameters: Mapping[str, Any]) -> str:
+    """The first 8 hex digits of the key without its inputs."""
+    return digest({"stage": stage, "version": version, "parameters": dict(parameters)})[:8]
+
 
 Render = Callable[[Path, str], View]
 """Renders an episode file again from one camera, with depth and segmentation."""

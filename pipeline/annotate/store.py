@@ -19,7 +19,7 @@ from pipeline.data.slots.annotations import (
 )
 from pipeline.data.store.place import put
 
-from .stage_key import AnnotateError
+from .stage import AnnotateError
 
 CHUNK_BYTES = 1 << 20
 

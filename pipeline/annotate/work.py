@@ -12,8 +12,7 @@ from pipeline.data.episode.file import EpisodeError, open_episode
 from pipeline.data.intact import check_bytes
 from pipeline.data.slots.annotations import CorruptAnnotation, annotation_path
 
-from .stage import NotReady, Stage, StageResult, directory_of
-from .stage_key import AnnotateError, annotation_key
+from .stage import AnnotateError, NotReady, Stage, StageResult, annotation_key, directory_of
 from .store import check_entry, write_entry
 
 AHEAD = 2

@@ -19,8 +19,7 @@ from pipeline.poses import Floats, inverse, matrix, quat_rotate, transform
 
 from .flow_stage import body_motions, exact_flow, pixel_rays
 from .options import WorldOptions
-from .stage import Reading, StageResult, Truth, check_camera
-from .stage_key import AnnotateError
+from .stage import AnnotateError, Reading, StageResult, Truth, check_camera
 
 PIXEL = 0.7
 """Half the diagonal of a pixel: a point this far (px) behind the surface of its pixel is seen."""

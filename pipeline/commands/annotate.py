@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from pipeline.annotate.stage_key import MOST_POINTS, MOST_STRIDE
+from pipeline.annotate.stage import MOST_POINTS, MOST_STRIDE
 from pipeline.data.names import HEAD
 from pipeline.data.parsing import ParseError, pixels
 

@@ -171,10 +171,10 @@ def results(
     """Write one page with a table of all policies and clocks of several evaluations, and their
     films."""
     from pipeline.data.atomic import write_atomic
-    from pipeline.evaluate.board import board_page
     from pipeline.evaluate.scenes.benchmark import read_benchmark
     from pipeline.evaluate.scenes.manifests import inline
     from pipeline.evaluate.scoring.compare import newest
+    from pipeline.evaluate.scoring.page import board_page
     from pipeline.run.check_result import check_result as check
 
     scenes = None if benchmark is None else read_benchmark(benchmark)

@@ -1,6 +1,5 @@
 """An evaluation, from seeds to its page."""
 
-import hashlib
 import json
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -29,7 +28,7 @@ from .scenes.benchmark_rows import RecordedBenchmark
 from .scenes.case import BLIND, BenchmarkError, Case, blind, in_every_arm
 from .scenes.manifests import Manifests, Runner
 from .scoring.clock import Clock
-from .scoring.page import caption, page
+from .scoring.page import caption, film_path, page
 from .scoring.results import EPISODES, Results, check_episode, text_key
 from .scoring.summary import Row, each_scene_once, over_tasks, summarise
 from .serving.client import ANSWER_SECONDS
@@ -240,10 +239,6 @@ def _introduced(evaluation: Evaluation, run: Runner, tell: Callable[[str], None]
 
 def introduce_policy(job: tuple[PolicyName, Sequence[Start], float]) -> PolicyName:
     return introduce(*job)
-
-
-def film_path(out: Path, key: str) -> Path:
-    return out / "films" / f"{hashlib.sha256(key.encode()).hexdigest()[:16]}.mp4"
 
 
 @dataclass(frozen=True)

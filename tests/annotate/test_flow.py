@@ -24,7 +24,7 @@ from pipeline.annotate.flow import (
     previous_frames,
     shrink_grey,
 )
-from pipeline.annotate.stage_key import AnnotateError
+from pipeline.annotate.stage import AnnotateError
 
 
 def texture(

@@ -13,7 +13,7 @@ from benchmarks.flow_agreement import flow_agreement
 from pipeline.annotate.networks.masks import pack, unpack
 from pipeline.annotate.options import AnnotateOptions, FeatureOptions, MaskOptions
 from pipeline.annotate.overlays import annotation_sheet, mask_overlay
-from pipeline.annotate.stage_key import AnnotateError
+from pipeline.annotate.stage import AnnotateError
 from pipeline.annotate.store import episode_paths, find_stage, write_entry, write_stage
 from pipeline.data.slots.annotations import annotation_path, read_entry
 from pipeline.run.annotate import Execution, annotate

@@ -35,7 +35,7 @@ from pipeline.annotate.networks.masks import (
 )
 from pipeline.annotate.networks.models import image_settings, pixels, resolve
 from pipeline.annotate.options import MaskOptions
-from pipeline.annotate.stage_key import AnnotateError
+from pipeline.annotate.stage import AnnotateError
 from tests.annotate import tiny
 
 

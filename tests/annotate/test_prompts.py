@@ -3,7 +3,7 @@
 import pytest
 
 from pipeline.annotate.model_stages import ask, caption, parse_instruction
-from pipeline.annotate.stage_key import AnnotateError
+from pipeline.annotate.stage import AnnotateError
 from tests.synthetic import make_log, make_meta
 
 LOG = make_log("aloha-agilex", 3, 15, 0)

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from pipeline.annotate.stage_key import AnnotateError, annotation_key, stage_key
+from pipeline.annotate.stage import AnnotateError, annotation_key, stage_key
 from pipeline.annotate.store import check_entry, find_stage, write_entry, write_stage
 from pipeline.data.keys import arrays_digest, frames_digest
 from pipeline.data.slots.annotations import CorruptAnnotation, read_entry, stages_of

@@ -4,8 +4,8 @@ import json
 
 import pytest
 
-from pipeline.evaluate.board import ALL, board, board_page, clock_title
 from pipeline.evaluate.scoring.compare import newest
+from pipeline.evaluate.scoring.page import ALL, board, board_page, clock_title
 from tests.evaluate.scoring.test_compare import write
 
 

@@ -13,8 +13,7 @@ import pytest
 
 from pipeline.annotate.flow import Colour
 from pipeline.annotate.options import AnnotateOptions, FlowOptions, MaskOptions, WorldOptions
-from pipeline.annotate.stage import Redraw
-from pipeline.annotate.stage_key import AnnotateError
+from pipeline.annotate.stage import AnnotateError, Redraw
 from pipeline.data.atomic import Busy, exclusive
 from pipeline.data.cameras import Surfaces, world_poses
 from pipeline.data.episode.file import open_episode

@@ -13,7 +13,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
-from pipeline.annotate.stage_key import AnnotateError
+from pipeline.annotate.stage import AnnotateError
 from pipeline.annotate.store import entry_header, find_stage
 from pipeline.data.dataset import Dataset
 from pipeline.data.keys import digest, frames_digest

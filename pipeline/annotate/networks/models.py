@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.annotate.stage_key import AnnotateError, digest
+from pipeline.annotate.stage import AnnotateError, digest
 from pipeline.data.keys import file_hash
 from pipeline.data.parsing import read_json
 

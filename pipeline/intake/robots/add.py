@@ -16,11 +16,10 @@ from pipeline.world.robots.directory import TOML
 from pipeline.world.robots.pairs import ALIASES, MODELS
 from pipeline.world.robots.stands import wrist_camera
 from pipeline.world.robots.surfaces import load_visual
-from pipeline.world.robots.urdf_file import UrdfError, UrdfRobot, read_urdf
+from pipeline.world.robots.urdf_file import Mimic, UrdfError, UrdfRobot, read_urdf
 
 from .anatomy import Anatomy, anatomy, cloud
-from .join import mount
-from .mjcf import MJCF, read_mjcf
+from .mjcf import FLANGE, MJCF, read_mjcf
 from .place import find_site, overlaps
 from .simplify import ConvexPieces
 from .write import RobotDraft, write_robot
@@ -32,6 +31,7 @@ TURN = 2 * np.pi
 LIGHTEST, SMALLEST = 0.005, 1e-5
 DENSITY = 1000.0  # kg/m3, of a link whose inertia is missing
 JAW_FORCE, JAW_SPEED, JAW_TORQUE = 60.0, 0.2, 10.0  # N, m/s and N m of a jaw
+PREFIX = "gripper_"  # of every link and joint of a gripper that is joined to an arm
 OVERLAPPING = 0.6  # share of configurations in which a pair of links that always touches does
 
 
@@ -97,6 +97,51 @@ def _read(source: Path, root: Path | None, options: RobotOptions, scratch: Path)
             f"{source}: expected one .urdf, found {names}; give the path of the file to use"
         )
     return read_urdf(files[0], root, options.packages)
+
+
+def mount(arm: UrdfRobot, gripper: UrdfRobot, flange: str | None) -> UrdfRobot:
+    """Join the gripper to the arm's link `flange`, by default the last. Raises UrdfError."""
+    roots = gripper.roots()
+    if len(roots) != 1:
+        raise gripper.fault(f"has {len(roots)} root links, a gripper one: {roots[:6]}")
+    at = flange or _flange(arm)
+    if at not in arm.links:
+        last = ", ".join([*arm.links][-8:])
+        raise arm.fault(f"--flange {at!r}: has no such link; the last ones are {last}")
+    for joint in (arm.parent_joint[link] for link in arm.below(at)[1:]):
+        if joint.kind != "fixed":
+            raise arm.fault(f"joint {joint.name!r} moves beyond {at!r}: leave --gripper away")
+    renamed = {
+        PREFIX + link: replace(
+            joint,
+            name=PREFIX + joint.name,
+            parent=PREFIX + joint.parent,
+            child=PREFIX + joint.child,
+        )
+        for link, joint in gripper.parent_joint.items()
+    }
+    root = PREFIX + roots[0]
+    renamed[root] = Joint(f"{PREFIX}mount", "fixed", at, root, pose())
+    mimics = {
+        PREFIX + name: Mimic(PREFIX + m.joint, m.multiplier, m.offset)
+        for name, m in gripper.mimics.items()
+    }
+    links = arm.links | {PREFIX + name: link for name, link in gripper.links.items()}
+    return UrdfRobot(arm.path, links, arm.parent_joint | renamed, arm.mimics | mimics)
+
+
+def _flange(arm: UrdfRobot) -> str:
+    named = [link for link in arm.links if FLANGE in link]
+    above = arm.parent_joint
+    parents = {joint.parent for joint in above.values()}
+    moved = [joint.child for joint in above.values() if joint.kind != "fixed"]
+    last = [tip for tip in moved if all(above[x].kind == "fixed" for x in arm.below(tip)[1:])]
+    ends = [link for tip in last for link in arm.below(tip) if link not in parents]
+    candidates = named if len(named) == 1 else ends
+    if len(candidates) != 1:
+        found = ", ".join(candidates[:8]) or "no link"
+        raise arm.fault(f"found {found} to carry the gripper; give --flange LINK")
+    return candidates[0]
 
 
 def _draft_of(robot: UrdfRobot, parts: Anatomy, options: RobotOptions) -> RobotDraft:

@@ -23,9 +23,9 @@ from pipeline.world.robots.urdf_file import (
 )
 
 from .couplings import CouplingError, couplings
-from .join import FLANGE
 
 MJCF = (".xml", ".mjcf")
+FLANGE = "attach"  # in the name of the frame that MuJoCo Menagerie's arms have for a gripper
 GREY = (0.5, 0.5, 0.5, 1)  # MuJoCo's colour of a geom that has none
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from pipeline.annotate.stage_key import annotation_key, stage_key
+from pipeline.annotate.stage import annotation_key, stage_key
 from pipeline.data.dataset import Dataset
 from pipeline.data.episode.file import EpisodeFile
 from pipeline.data.errors import DominoError

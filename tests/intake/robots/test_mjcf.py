@@ -8,8 +8,8 @@ import pytest
 import trimesh
 
 from pipeline.data.errors import DominoError
+from pipeline.intake.robots.add import mount
 from pipeline.intake.robots.anatomy import anatomy
-from pipeline.intake.robots.join import mount
 from pipeline.intake.robots.mjcf import read_mjcf
 from pipeline.poses import quat_from_matrix
 from pipeline.world.robots.urdf_file import UrdfError, read_urdf
