@@ -100,7 +100,12 @@ class WebSocket:
             answer = self._within(seconds, self._send_and_receive(self._connection, data))
         except ConnectionClosed as error:
             self.close()
-            raise self._describe_closing(error) from error
+            sent = error.sent
+            if sent and not error.rcvd_then_sent and sent.code == CloseCode.MESSAGE_TOO_BIG:
+                large = f"{self.url}: the answer has more than {LARGEST} bytes"
+                raise ActionError(large) from error
+            why = last_line(error.rcvd.reason if error.rcvd else str(error)) or "no reason given"
+            raise ConnectionLost(f"{self.url}: the server closed the connection: {why}") from error
         except TimeoutError as error:
             self.close()
             raise NoAnswer(f"{self.url}: no answer in {seconds:.3g} s") from error
@@ -129,12 +134,6 @@ class WebSocket:
     def _within[T](self, seconds: float, work: Coroutine[Any, Any, T]) -> T:
         limited = asyncio.wait_for(work, seconds)
         return asyncio.run_coroutine_threadsafe(limited, self._loop).result()
-
-    def _describe_closing(self, error: ConnectionClosed) -> DominoError:
-        if error.sent and not error.rcvd_then_sent and error.sent.code == CloseCode.MESSAGE_TOO_BIG:
-            return ActionError(f"{self.url}: the answer has more than {LARGEST} bytes")
-        reason = last_line(error.rcvd.reason if error.rcvd else str(error)) or "no reason given"
-        return ConnectionLost(f"{self.url}: the server closed the connection: {reason}")
 
 
 def last_line(text: str) -> str:
