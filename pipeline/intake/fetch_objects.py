@@ -7,7 +7,6 @@ import hashlib
 import json
 import shutil
 import subprocess
-import sys
 import tempfile
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path, PurePosixPath
@@ -188,7 +187,7 @@ def check_content(files: Path, wheel: Wheel, what: str) -> None:
 def download_wheel(wheel: Wheel, into: Path) -> Path:
     """The wheel, downloaded by pip, of uv if there is one. Raises ObjectError."""
     requirement = f"{wheel.package}=={wheel.version}"
-    client = ["uvx", "--quiet", "pip"] if shutil.which("uvx") else [sys.executable, "-m", "pip"]
+    client = ["uvx", "--quiet", "pip"] if shutil.which("uvx") else ["pip"]
     command = [*client, *CLIENT_OPTIONS, "--dest", str(into), requirement]
     done = subprocess.run(command, check=False, capture_output=True, text=True)
     if done.returncode:
