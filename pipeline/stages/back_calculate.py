@@ -123,10 +123,13 @@ def back_calculate(scene: Scene, dry: DryRun, setup: Setup) -> TargetMotion:
     at = {n: relative(scene, n) for n, model in task.movers.items() if model == CARRIED}
     clear_of = {name: beside(scene, dry, name, {}) for name in at}
 
+    def rides(name: str, rider: Rider) -> bool:
+        """Whether the body is clear of all, and in the first image, as the target is."""
+        first = middle(rider.pose(0.0), scene.bodies[name].instance)
+        return bool(scene.sees(first, setup.camera)) and clear_of[name](rider)
+
     def free(motion: TargetMotion) -> bool:
-        return clear.free(motion) and all(
-            clear_of[name](Rider(motion, pose)) for name, pose in at.items()
-        )
+        return clear.free(motion) and all(rides(n, Rider(motion, p)) for n, p in at.items())
 
     mover = Mover(task.target, setup.motion or task.motion, "target_motion", tuple(at))
     found = _drawn(scene, dry, setup, mover, free)

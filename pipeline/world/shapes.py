@@ -190,6 +190,15 @@ class Shape:
         bounds.setflags(write=False)
         return bounds
 
+    @cached_property
+    def is_round(self) -> bool:
+        """Whether it looks the same, within 1 mm, however it is turned about its z axis."""
+        around = 2 * np.pi * np.arange(24) / 24
+        heights = np.repeat([-1.0, 0.0, 1.0], 24)
+        directions = np.stack([*np.tile([np.cos(around), np.sin(around)], 3), heights])
+        points = np.concatenate([mesh.vertices for mesh, _ in self.visual])
+        return bool(np.ptp((points @ directions).max(0).reshape(3, 24), axis=1).max() < 0.001)
+
     def footprint_radius(self) -> float:
         """Largest horizontal distance (m) from the origin."""
         lower, upper = self.aabb()

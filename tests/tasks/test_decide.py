@@ -9,15 +9,18 @@ import pytest
 from pipeline.data.episode.meta import Drawing
 from pipeline.data.keys import Key, SlotKeys
 from pipeline.data.recipe.model import Recipe
+from pipeline.data.setup import Setup
 from pipeline.data.spec import EpisodeSpec
 from pipeline.motion.models import motion_from_json
 from pipeline.motion.wrapped import Change, changed, others_of
 from pipeline.poses import compose, inverse, transform
 from pipeline.run.slot.make import episode_of
 from pipeline.stages.attempt import attempt
+from pipeline.stages.back_calculate import back_calculate
+from pipeline.stages.dry_run import dry_run
 from pipeline.stages.failure import Failure
 from pipeline.stages.scene import build_scene
-from pipeline.tasks import TASKS
+from pipeline.tasks import TASKS, middle
 from pipeline.tasks.language.check import check_templates
 from pipeline.tasks.language.sentences import instructions
 from pipeline.world.looks.visuals import CLEAN
@@ -152,3 +155,10 @@ def test_an_episode_states_what_was_asked_for():
     meta = episode_of(done, Recipe(), DRAWING, KEYS).meta
     assert meta.choices == dict(done.scene.choices) != {}
     assert json.loads(meta.model_dump_json())["choices"] == meta.choices
+
+
+def test_what_rides_along_is_in_the_first_image_as_the_target_is():
+    scene = build_scene(spec("pick_ripe", seed=19))
+    motion = back_calculate(scene, dry_run(scene, 15), Setup())
+    for name, rider in others_of(motion).items():
+        assert scene.sees(middle(rider.pose(0.0), scene.bodies[name].instance))

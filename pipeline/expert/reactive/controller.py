@@ -180,6 +180,8 @@ class ReactiveExpert:
         """
         span = max(1.0, self.plan.near - self.plan.last)
         x = float(np.clip((row - self.plan.last) / span, 0.0, 1.0))
+        if self.plan.is_round:
+            target = turned_like(target, self.plan.aim)
         moved = part_of(self.plan.aim, target, x * x * (3 - 2 * x))
         planned, lost = self._planner.split(_at(self.plan.commands, row)), False
         found = dict[str, Floats]()
@@ -192,6 +194,13 @@ class ReactiveExpert:
             lost |= not ok[0]
             found[side] = solved[0] - q if ok[0] else shift
         return found, lost
+
+
+def turned_like(body: Pose, other: Pose) -> Pose:
+    """The pose (7,) of a round body turned about its own z axis to be nearest to the other's."""
+    w, _, _, z = quat_multiply(quat_conjugate(body[3:]), other[3:])
+    turn = quat_about((0.0, 0.0, 1.0), 2 * np.arctan2(z, w))
+    return np.concatenate([body[:3], quat_multiply(body[3:], turn)])
 
 
 def part_of(start: Pose, end: Pose, share: float) -> Pose:

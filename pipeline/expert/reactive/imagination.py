@@ -27,13 +27,15 @@ STIRS = 1e-3  # rad or m; an arm whose joints all move less is still
 
 @dataclass(frozen=True, eq=False)
 class MeetingPlan:
-    """Commands (N,A) at the physics rate, and their velocities, that meet a target at `aim` (7,).
+    """Commands (N,A) at the physics rate, and their velocities, that meet a target at `aim` (7,);
+    of a round one the turn about its axis is no matter.
 
     The last skill begins in row `last`; its first motion ends in `near`, its last in `met`. `sides`
     move in it, `holding` is what each hand holds at its start. `runs` are on the clock of the rows.
     """
 
     aim: Pose
+    is_round: bool
     commands: Floats
     velocities: Floats
     last: int
@@ -153,4 +155,5 @@ def imagine(actor: Actor, script: Script, aim: Pose, *, rest: bool = False) -> M
     sides = tuple(side for side in SIDES if any(side in move.sides for move in after))
     holding = next(move.held for move in mind.moves if move.end > last)
     known = dict(mind.held), dict(mind.approaches), holding
-    return MeetingPlan(aim, rows, speeds, last, near, met, sides, runs, *known)
+    is_round = actor.bodies[actor.simulation.target].instance.shape().is_round
+    return MeetingPlan(aim, is_round, rows, speeds, last, near, met, sides, runs, *known)
