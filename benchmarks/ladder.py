@@ -3,9 +3,11 @@
     python -m benchmarks.ladder --tasks decide --rows rows.jsonl
     python -m benchmarks.ladder --clocks sim,latency:100,latency:300 --rows rows.jsonl
     python -m benchmarks.ladder --policies effects --events stop@share=0.5 --rows rows.jsonl
+    python -m benchmarks.ladder --tasks pick_named --conditions occluder,second --rows rows.jsonl
 
 One row a scene, policy, clock and event; rows that the file has are not made again. With an event
-every scene is run without it too. `--table` prints the tables of what there is."""
+every scene is run without it too, with conditions every set of them. `--table` prints the tables of
+what there is."""
 
 import argparse
 import json
@@ -13,6 +15,7 @@ from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
+from itertools import combinations
 from multiprocessing import get_context
 from pathlib import Path
 from random import Random
@@ -51,6 +54,10 @@ EFFECTS = {
     "reactive, 100 ms": "reactive:delay=0.1",
     "reactive, 300 ms": "reactive:delay=0.3",
 }
+CONDITIONS: dict[str, dict[str, Any]] = {
+    "occluder": {"kind": "occluder", "when": {"share": 0.4}, "lasts": 1.0},
+    "second": {"kind": "second", "when": {"share": 0.3}},
+}
 GROUPS = {"rungs": RUNGS, "effects": EFFECTS}
 KEY = ("task", "level", "scene", "policy", "clock", "event")
 TRIES = 30  # seeds of a scene, of which the first that the expert solves is taken
@@ -80,15 +87,15 @@ def run(job: LadderJob) -> list[Row]:
         return []
     rows, cue = list[Row](), len(alike(case.scene())) > 1
     for policy, clock, event in job.wanted:
-        setup = BLIND.override({"events": [event]}) if event else BLIND
+        conditions = [CONDITIONS[name] for name in event.split("+")[1:]]
+        setup = BLIND.override({"events": conditions or [event]}) if event else BLIND
+        paired = bool(event) and not conditions
         name = policy_name(policy if cue else policy.replace("cue=0", "cue=1"))
-        done = run_episode(
-            EpisodeJob(case, name, parse_clock(clock), setup=setup, paired=bool(event))
-        )
+        done = run_episode(EpisodeJob(case, name, parse_clock(clock), setup=setup, paired=paired))
         row = dict(zip(KEY, (job.task, job.level, job.scene, policy, clock, event), strict=True))
         row |= {"seed": seed, "cue": cue, "success": bool(done["success"])}
         row |= {"failed": done["failed"], "ending": done["ending"], "fault": done["fault"]}
-        if event:
+        if paired:
             row |= {"control": bool(done["control"]["success"]), "same": done["same_prefix"]}
             row |= {"happened": done["event"], "phase": done["phase"]}
         rows.append(row)
@@ -124,7 +131,7 @@ def effect_groups(rows: Sequence[Row]) -> dict[tuple[str, str], list[Row]]:
     groups = defaultdict[tuple[str, str], list[Row]](list)
     for text in dict.fromkeys([*names, *(row["policy"] for row in rows)]):
         for row in rows:
-            if row["policy"] == text and row["event"] and row["happened"] != "none":
+            if row["policy"] == text and row.get("happened", "none") != "none":
                 kind = row["event"].partition("@")[0]
                 name = text.rpartition("/")[2].partition("?")[0].partition(".")[0]
                 groups[kind, names.get(text, name)].append(row)
@@ -180,9 +187,25 @@ def tables(rows: Sequence[Row]) -> Iterator[str]:
                 yield f"`{policy}`:"
                 one = [row for row in own if row["policy"] == policy]
                 yield cross(one, "task", [(c, lambda r, c=c: r["clock"] == c) for c in clocks])
-    if any(row["event"] for row in rows):
+    sets = [*dict.fromkeys(row["event"] for row in rows if row["event"].startswith("+"))]
+    for policy in dict.fromkeys(row["policy"] for row in rows if row["event"] in sets):
+        own = [row for row in rows if row["policy"] == policy and row["clock"] == "sim"]
+        shared = set[tuple[Any, ...]].intersection(
+            *({_scene(row) for row in own if row["event"] == each} for each in ("", *sets))
+        )
+        own = [row for row in own if _scene(row) in shared]
+        names = [
+            (e.removeprefix("+") or "none", lambda r, e=e: r["event"] == e) for e in ("", *sets)
+        ]
+        yield f"`{policy}`, by condition, the same scenes in each column:"
+        yield cross([row for row in own if row["event"] in ("", *sets)], "task", names)
+    if any("control" in row for row in rows):
         yield "Per cent without the event: effect of the event (95 % interval)"
         yield effects(rows)
+
+
+def _scene(row: Row) -> tuple[Any, ...]:
+    return row["task"], row["level"], row["scene"]
 
 
 def main() -> None:
@@ -198,6 +221,7 @@ def main() -> None:
     )
     parser.add_argument("--clocks", default="sim")
     parser.add_argument("--events", default="", help="one a run, as in `evaluate --events`")
+    parser.add_argument("--conditions", default="", help=f"of {', '.join(CONDITIONS)}")
     parser.add_argument("--workers", type=int, default=1)
     parser.add_argument("--rows", type=Path, required=True, help="file of JSON lines")
     parser.add_argument("--table", action="store_true", help="run nothing")
@@ -230,10 +254,13 @@ def wanted(args: argparse.Namespace, known: set[tuple[Any, ...]]) -> Iterator[La
     policies = (
         [*GROUPS[args.policies].values()] if args.policies in GROUPS else args.policies.split()
     )
+    names = [name for name in args.conditions.split(",") if name]
+    sets = [each for n in range(1, len(names) + 1) for each in combinations(names, n)]
+    events = [*args.events.split(","), *("".join(f"+{name}" for name in each) for each in sets)]
     for scene in range(args.scenes):
         for task in expand_tasks(args.tasks.split(",")):
             for level in map(int, args.levels.split(",")):
-                for event in args.events.split(","):
+                for event in events:
                     tried = [(p, c, event) for p in policies for c in args.clocks.split(",")]
                     left = [one for one in tried if (task, level, scene, *one) not in known]
                     yield LadderJob(task, level, scene, args.seed, tuple(left))
