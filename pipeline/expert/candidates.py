@@ -22,13 +22,14 @@ _ROLLED = pose((0, 0, 0), quat_about((1, 0, 0), np.pi))  # the same pinch with t
 class GraspOptions:
     """What a grasp is for: `kinds`, and `goals`, lists of body poses (7,) of which the grasp must
     reach one each. `standoff` (m) is the length of the line in, `pitch` (rad below the horizontal)
-    the preferred approach. With `leading` > 0 only that many of the cheapest are looked at, one
-    must lead to the goals, and the other hand may touch the body."""
+    the preferred approach, `steepest` the steepest. With `leading` > 0 only that many of the
+    cheapest are looked at, one must lead to the goals, and the other hand may touch the body."""
 
     kinds: Sequence[str] | None = None
     goals: Sequence[Sequence[Pose]] = ()
     standoff: float = GRASP.standoff
     pitch: float = GRASP.pitch
+    steepest: float = np.pi / 2
     leading: int = 0
 
 
@@ -81,13 +82,14 @@ def find_candidates(
         q[short], ok[short] = arm.solve(
             np.stack([backed_off(tcp[i], GRASP.short_share * options.standoff) for i in short])
         )
+    x_axis = quat_rotate(tcp[:, 3:], np.array([1.0, 0.0, 0.0]))
+    pitch = np.arcsin(np.clip(-x_axis[:, 2], -1, 1))
+    ok &= pitch < options.steepest + 1e-6
     for goal in options.goals:
         ok &= _reaches_one(arm, local, np.asarray(goal), ok)
     if not ok.any():
         why = f"no grasp of {name} is in reach of the {arm.side} arm"
         raise PlanFailure("grasp_unreachable", why)
-    x_axis = quat_rotate(tcp[:, 3:], np.array([1.0, 0.0, 0.0]))
-    pitch = np.arcsin(np.clip(-x_axis[:, 2], -1, 1))
     room = np.minimum(limit_margin(arm.chain, q), GRASP.limit_margin)
     cost = np.linalg.norm(q - arm.q, axis=1) - GRASP.limit_weight * room
     cost += GRASP.lever_weight * np.linalg.norm(tcp[:, :2] - body[:2], axis=1)

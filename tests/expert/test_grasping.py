@@ -44,6 +44,11 @@ def test_the_preferred_pitch_decides_among_equals(actor: Actor, pitch: float) ->
     assert abs(chosen(pitch) - pitch) < abs(chosen(other) - pitch)
 
 
+def test_no_approach_is_steeper_than_asked(actor: Actor) -> None:
+    plan = plan_grasp(actor, "right", "can", GraspOptions(pitch=1.4, steepest=0.6))
+    assert -quat_rotate(plan.tcp[3:], [1.0, 0, 0])[2] <= np.sin(0.6) + 1e-6
+
+
 def test_a_goal_must_be_reachable_with_the_same_grasp(actor: Actor) -> None:
     near = lifted(actor.pose("can"), 0.1)
     plan = plan_grasp(actor, "right", "can", GraspOptions(goals=[[near]]))

@@ -60,9 +60,10 @@ def grasp(
     goals: Sequence[Sequence[Pose]] = (),
     standoff: float = GRASP.standoff,
     pitch: float = GRASP.pitch,
+    steepest: float = np.pi / 2,
 ) -> Steps:
     """Go to the standoff, in on a straight line, and close on body `name` (GraspOptions)."""
-    return take(a, side, name, GraspOptions(kinds, goals, standoff, pitch))
+    return take(a, side, name, GraspOptions(kinds, goals, standoff, pitch, steepest))
 
 
 def take(a: Actor, side: str, name: str, options: GraspOptions) -> Steps:

@@ -11,6 +11,7 @@ BALLS = ((0.011, 0.0), (-0.011, 0.0))  # where the balls lie in the cup, x and y
 HEIGHTS, TILTS = (0.05, 0.09, 0.14), (2.3, 2.0, 1.8)
 """M of the cup's opening over the rim; rad down."""
 
+LEVEL = 0.8  # rad; a hand that comes from above has its palm where the balls run out
 FLIGHT = 0.03  # m from the opening at which the balls land, about
 
 
@@ -35,7 +36,9 @@ class PourSwayingPot(Task):
 
     def meet(self, a: Actor) -> Skills:
         arm, over, tipped = a.arms["arm"], *self._poses(a)
-        yield grasp(arm, "cup", kinds=("side",), goals=[list(over[::5]), list(tipped[::7])])
+        yield grasp(
+            arm, "cup", kinds=("side",), steepest=LEVEL, goals=[list(over[::5]), list(tipped[::7])]
+        )
         yield lift(arm, 0.10)
         # no `track`: a hand that tips the cup through a singularity of its wrist cannot move along
         yield in_turn(pour(arm, over, tipped, speed=0.8), pause(arm, 0.6))
