@@ -27,8 +27,8 @@ STIRS = 1e-3  # rad or m; an arm whose joints all move less is still
 
 @dataclass(frozen=True, eq=False)
 class MeetingPlan:
-    """Commands (N,A) at the physics rate, and their velocities, that meet a target at `aim` (7,);
-    of a round one the turn about its axis is no matter.
+    """Commands (N,A) at the physics rate, and their velocities, that meet a target at `aim` (7,).
+    The turn of a round one about its axis is no matter.
 
     The last skill begins in row `last`; its first motion ends in `near`, its last in `met`. `sides`
     move in it, `holding` is what each hand holds at its start. `runs` are on the clock of the rows.
