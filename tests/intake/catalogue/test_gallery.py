@@ -5,18 +5,11 @@ import re
 
 import cv2
 import numpy as np
-import pytest
 
 from pipeline.intake.catalogue.gallery import portrait, write_gallery
-from pipeline.world.drawing.vulkan import NoRenderer, ensure_renderer
 from pipeline.world.looks.materials import PALETTE
 from pipeline.world.objects import FAMILIES
 from pipeline.world.objects.families.toys.blocks import Block
-
-try:
-    ensure_renderer()
-except NoRenderer as error:
-    pytest.skip(str(error), allow_module_level=True)
 
 
 def test_a_portrait_shows_the_object_in_its_colour():

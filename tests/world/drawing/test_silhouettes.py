@@ -11,14 +11,8 @@ from pipeline.world.drawing.engine import NEAR
 from pipeline.world.drawing.renderer import Renderer
 from pipeline.world.drawing.room import box, table_legs, table_top
 from pipeline.world.drawing.silhouettes import occluders_of, track_bodies
-from pipeline.world.drawing.vulkan import NoRenderer, ensure_renderer
 from pipeline.world.looks.materials import plastic
 from pipeline.world.looks.visuals import CLEAN
-
-try:
-    ensure_renderer()
-except NoRenderer as error:
-    pytest.skip(str(error), allow_module_level=True)
 
 KIND = CameraType(96, 72, 45.0)
 CAMERA = Camera("head", KIND, None, look((0.05, -0.5, 1.25), (0, 0.6, -0.62)))

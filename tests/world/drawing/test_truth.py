@@ -1,20 +1,13 @@
 """Surfaces from triangles against what the renderer draws."""
 
 import numpy as np
-import pytest
 
 from pipeline.world.drawing.renderer import Renderer
 from pipeline.world.drawing.room import shell, table_legs, table_top
 from pipeline.world.drawing.silhouettes import occluders_of
 from pipeline.world.drawing.truth import surfaces_of
-from pipeline.world.drawing.vulkan import NoRenderer, ensure_renderer
 from pipeline.world.looks.visuals import CLEAN
 from tests.world.drawing.test_silhouettes import BODIES, CAMERA, POSES
-
-try:
-    ensure_renderer()
-except NoRenderer as error:
-    pytest.skip(str(error), allow_module_level=True)
 
 
 def test_depth_and_bodies_are_those_of_the_renderer():
