@@ -1,6 +1,6 @@
 """How many pairs of scenes, with and without an event, have the same bytes until it happens.
 
-    python -m benchmarks.events OUT.jsonl [--pairs 200] [--images 10]
+    python -m benchmarks.events OUT.jsonl [--pairs 200] [--images 10] [--kinds stop swap]
 
 Robots move at random, targets cross the table. State and actions of every pair are compared, and of
 every n-th one the head camera's images at the event and before it. Lines of OUT.jsonl that are
@@ -38,6 +38,8 @@ def start(scene: Scene, turn: float) -> tuple[Scene, Trial]:
     others = {n: PlanarMotion.still(scene.bodies[n].pose, 2.0) for n in scene.task.movers}
     motion = Company(motion, others) if others else motion
     scene = scene.furnished(motion)
+    if not scene.sees(np.asarray(motion.pose(0.0))[:3]):
+        raise Failure("benchmark", "out_of_view", "the target would begin out of view")
     return scene, Trial(scene, motion)
 
 
@@ -52,7 +54,7 @@ def run(kind: str, seed: int, arm: str) -> tuple[Scene, Trial, float]:
         try:
             scene, trial = start(scene, float(rng.uniform(-np.pi, np.pi)))
             break
-        except Failure:  # the target would begin in another body
+        except Failure:  # the target would begin in another body, or unseen
             continue
     command = trial.simulation.home_vector()
     while trial.simulation.steps < 384 and not trial.ending:
@@ -87,21 +89,23 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("out", type=Path)
     parser.add_argument("--pairs", type=int, default=200)
+    parser.add_argument("--kinds", nargs="+", choices=KINDS, default=KINDS)
     parser.add_argument("--images", type=int, default=10, help="compare images of every n-th pair")
     options = parser.parse_args()
+    kinds = options.kinds
     rows = [json.loads(line) for line in options.out.open()] if options.out.exists() else []
     done = {(row["kind"], row["seed"]) for row in rows}
     with options.out.open("a") as file:
         for n in range(options.pairs):
-            kind, seed = KINDS[n % len(KINDS)], n // len(KINDS)
+            kind, seed = kinds[n % len(kinds)], n // len(kinds)
             if (kind, seed) not in done:
                 rows.append(compare(kind, seed, seed % options.images == 0))
                 print(json.dumps(rows[-1]), file=file, flush=True)
-    for kind in KINDS:
+    for kind in kinds:
         of = [row for row in rows if row["kind"] == kind]
         drawn = [row["images"] for row in of if "images" in row]
         print(
-            f"{kind:9} state equal until the event {sum(r['state'] for r in of)} of {len(of)},"
+            f"{kind:11} state equal until the event {sum(r['state'] for r in of)} of {len(of)},"
             f" images {sum(drawn)} of {len(drawn)}; state differs after it in"
             f" {sum(r['after'] for r in of)}"
         )
