@@ -41,7 +41,7 @@ from pipeline.evaluate.evaluate import evaluate
 from pipeline.evaluate.scenes.case import blind
 from pipeline.evaluate.scenes.manifests import inline
 from pipeline.run.evaluation import evaluation_version
-from pipeline.run.identity.slot_keys import code_version
+from pipeline.run.identity.core import code_version
 from training.ladder.climb import Ladder, evaluation, train_missing
 from training.ladder.demonstrations import Demonstration, make_demonstrations
 from training.ladder.network import Settings

@@ -41,7 +41,7 @@ from pipeline.data.slots.index import Index
 from pipeline.data.slots.records import FileFacts, SlotRecord
 from pipeline.data.slots.reread import IndexWriter
 from pipeline.report.page import refresh
-from pipeline.run.identity.slot_keys import RecipeKeys, slot_keys
+from pipeline.run.identity.slot_keys import RecipeKeys
 from pipeline.run.names import recipe_from
 from pipeline.run.slot.fill import FillJob
 
@@ -106,7 +106,7 @@ def fake_worker(
             path.stat(), 75, SHA256[:32], [known[(index + n) % ASSETS] for n in range(11)]
         )
         spent = time.perf_counter() - began
-        keys = keys_of(job) if keys_of else slot_keys(job.recipe, job.slot)
+        keys = keys_of(job) if keys_of else RecipeKeys(job.recipe).of(job.slot)
         return SlotRecord(keys, True, SHA256, tuple(rows), spent, file=facts)
 
     return fill
@@ -116,7 +116,7 @@ def step(name: str, root: Path, episodes: int) -> dict[str, float]:
     """One row, in this process."""
     began = time.time()
     recipe = make_recipe(episodes)
-    building.slot_worker = fake_worker
+    building.fill_in_steps = fake_worker()
     first = root.parent / STARTED
     first.unlink(missing_ok=True)
     found: dict[str, float] = {}

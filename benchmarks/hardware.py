@@ -6,7 +6,7 @@ import re
 from datetime import date
 from pathlib import Path
 
-from pipeline.run.provenance import processor
+from pipeline.run.provenance import machine
 
 
 def hardware(device: str = "") -> str:
@@ -14,7 +14,7 @@ def hardware(device: str = "") -> str:
     given, date."""
     load = os.getloadavg()[0]
     parts = [
-        f"{processor()}, {os.cpu_count()} cores, load {load:.1f}",
+        f"{machine()['processor']}, {os.cpu_count()} cores, load {load:.1f}",
         *([device + mesa()] if device else []),
         str(date.today()),
     ]

@@ -19,13 +19,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from benchmarks.hardware import hardware
-from pipeline.crew.contract import Crew, Done, result_of
+from pipeline.crew.contract import Crew, Done
 from pipeline.crew.loop import run
 from pipeline.data.dataset import Dataset
 from pipeline.data.recipe.model import Recipe, Slot
 from pipeline.run.build import ATTEMPT_SECONDS
 from pipeline.run.names import recipe_from
-from pipeline.run.slot.fill import FillJob, slot_worker
+from pipeline.run.slot.fill import FillJob, fill_slot
 from pipeline.world.drawing.renderer import device_of
 
 ROBOTS = ("aloha-agilex", "arx-x5", "franka-panda", "piper", "ur5-wsg")
@@ -59,10 +59,9 @@ def memory() -> tuple[float, float, float]:
 
 def measuring() -> Callable[[FillJob], MemorySeen]:
     """The work of a build's worker, which then looks at its memory."""
-    fill = slot_worker()
 
     def work(job: FillJob) -> MemorySeen:
-        record = result_of(fill(job))
+        record = fill_slot(job)
         return MemorySeen(job.slot.cell.path, len(record.attempts), record.accepted, *memory())
 
     return work

@@ -51,11 +51,14 @@ def build(recipe: Wanted, out: Place, *, workers: int = 1, progress: bool = Fals
     `given_up`. Raises RecipeError for a recipe that cannot be used, DatasetError if `out` holds
     another recipe's dataset, and NoRenderer for `rt` without Vulkan.
     """
+    from pipeline.annotate.overlays import annotation_sheet
+    from pipeline.report.page import refresh
     from pipeline.run.build import build as run_build
 
-    return run_build(
-        Path(out), _recipe(recipe), _crew(workers), shown="bar" if progress else "none"
-    )
+    shown = "bar" if progress else "none"
+    result = run_build(Path(out), _recipe(recipe), _crew(workers), shown=shown)
+    refresh(open_dataset(out), annotation_sheet)
+    return result
 
 
 def open_dataset(path: Place) -> "Dataset":

@@ -10,7 +10,8 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from pipeline.data.errors import DominoError
-from pipeline.data.process.own_code import ENV, describe_error, directories, line_of_error
+from pipeline.data.process.machine import PLUGINS, directories
+from pipeline.data.process.own_code import describe_error, line_of_error
 
 GROUPS = tuple(
     f"domino_data.{kind}" for kind in ("tasks", "objects", "robots", "motions", "exporters")
@@ -54,7 +55,7 @@ def use_plugins(added: Sequence[str]) -> None:
     """Add directories to DOMINO_PLUGINS, for this process and those that it starts."""
     paths = dict.fromkeys([*directories(), *(Path(each).resolve() for each in added)])
     if paths:
-        os.environ[ENV] = os.pathsep.join(map(str, paths))
+        os.environ[PLUGINS] = os.pathsep.join(map(str, paths))
 
 
 def outside_modules() -> dict[str, Path]:

@@ -185,6 +185,11 @@ def angle_between(a: ArrayLike, b: ArrayLike) -> float:
     return 2.0 * float(np.arccos(min(1.0, d)))
 
 
+def lifted(p: Pose, height: float) -> Pose:
+    """The same pose `height` m higher."""
+    return p + np.array([0, 0, height, 0, 0, 0, 0])
+
+
 def yawed(position: ArrayLike, yaw: float) -> Pose:
     """Upright pose turned by `yaw` rad about world z."""
     return pose(position, quat_about((0, 0, 1), yaw))

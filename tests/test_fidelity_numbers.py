@@ -24,11 +24,10 @@ from pipeline.data.spec import EpisodeSpec
 from pipeline.evaluate.scoring.clock import STEP_LOCKED_RATE
 from pipeline.evaluate.scoring.metrics import manipulation_score
 from pipeline.expert.budgets import GRASP, PLACE, SWING, TIMING
-from pipeline.expert.candidates import lifted
 from pipeline.expert.skills.hand import jaws
 from pipeline.motion.models.planar import ABRUPT
 from pipeline.motion.planar import PlanarMotion, Segment
-from pipeline.poses import compose, inverse, quat_rotate, yawed
+from pipeline.poses import compose, inverse, lifted, quat_rotate, yawed
 from pipeline.stages import surroundings
 from pipeline.stages.back_calculate import END_SPEED
 from pipeline.stages.drawing.render import visuals_of

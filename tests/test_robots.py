@@ -9,7 +9,7 @@ import pytest
 
 from pipeline.data.dataset import Dataset
 from pipeline.data.episode.file import open_episode
-from pipeline.run.identity.code import content_key
+from pipeline.run.identity.slot_keys import content_key
 from pipeline.tasks import TASKS
 from pipeline.tasks.layout import can_do
 from pipeline.world import robots

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import pipeline.run.build as building
+import pipeline.stages.attempt as stages
 from pipeline import cli
 from pipeline.crew.contract import Crew, Steps
 from pipeline.data.dataset import Dataset
@@ -28,7 +29,7 @@ from pipeline.data.spec import EpisodeSpec
 from pipeline.motion.contract import TargetMotion
 from pipeline.motion.models import motion_from_json
 from pipeline.run.slot import fill as filling
-from pipeline.run.slot.fill import FillJob, slot_worker
+from pipeline.run.slot.fill import FillJob, fill_in_steps
 from pipeline.run.slot.make import Images, stored_images
 from pipeline.stages.failure import Failure
 from pipeline.stages.replay import Demonstrator
@@ -113,24 +114,24 @@ class Stored:
         return replace(self._episode, spec=spec, meta=self._episode.meta.model_copy(update=changed))
 
 
-def stored_worker() -> Callable[[FillJob], Steps[SlotRecord]]:
-    """The worker of a build, with stages of a stored episode."""
-    for name, function in Stored(Dataset(Path(os.environ[STORED]))).functions().items():
-        setattr(filling, name, function)
-    return slot_worker()
+def fill_stored(job: FillJob) -> Steps[SlotRecord]:
+    """The work of a build, with stages of a stored episode."""
+    if filling.attempt is stages.attempt:  # at the first job of this process
+        for name, function in Stored(Dataset(Path(os.environ[STORED]))).functions().items():
+            setattr(filling, name, function)
+    return fill_in_steps(job)
 
 
 def build_here(root: Path, recipe: Recipe, stored: Path) -> None:
     """Build in this process, without the report."""
     os.environ[STORED] = str(stored)
-    building.slot_worker = stored_worker
-    building.refresh = lambda *_: None
+    building.fill_in_steps = fill_stored
     building.build(root, recipe, Crew(), shown="none")
 
 
 def main() -> None:
     """Run the command."""
-    building.slot_worker = stored_worker
+    building.fill_in_steps = fill_stored
     cli.main()
 
 

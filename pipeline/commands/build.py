@@ -52,6 +52,8 @@ def build(
     as_json: common.AsJson = False,
 ) -> None:
     """Make a dataset, or resume a build. Exit code 3 if slots were given up."""
+    from pipeline.annotate.overlays import annotation_sheet
+    from pipeline.report.page import refresh
     from pipeline.run.build import build as run_build
     from pipeline.run.names import check_events
     from pipeline.run.plan import check_bounded
@@ -67,6 +69,7 @@ def build(
         check_bounded(given.values, recipe, Dataset(out), crew.workers)
     with common.resumable(out):
         result = run_build(out, recipe, crew, slot_timeout, kind)
+        refresh(Dataset(out), annotation_sheet)
     if kind == "json":
         print(json.dumps({"event": "result", **vars(result)}))
     else:
@@ -201,14 +204,17 @@ def demo(
 ) -> None:
     """Make two episodes of a robot that catches a bottle with abrupt turns, and open them in the
     viewer. Rerun it to see them again."""
+    from pipeline.annotate.overlays import annotation_sheet
     from pipeline.crew.contract import Crew
     from pipeline.data.recipe.model import parse_recipe
+    from pipeline.report.page import refresh
     from pipeline.report.viewer import write_viewer
     from pipeline.run.build import build as run_build
 
     recipe = parse_recipe({"tasks": "shake_bottle", "levels": 3, "episodes": 2})
     with common.resumable(out):
         run_build(out, recipe, Crew(), shown="none" if quiet else "bar")
+        refresh(Dataset(out), annotation_sheet)
     dataset = Dataset(out)
     episodes = sorted(dataset.accepted(dataset.recipe()))
     pages = dataset.report.parent / "view"

@@ -8,7 +8,7 @@ from collections.abc import Callable, Generator, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-from pipeline.memory import freeze_garbage
+from pipeline.data.process.machine import freeze_garbage
 
 from .contract import Check, Crew, CrewError, Died, Done, Make, RunningJob, result_of
 from .ray_session import session

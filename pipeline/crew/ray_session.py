@@ -13,7 +13,7 @@ from contextlib import chdir, contextmanager, redirect_stdout
 from functools import cache
 from typing import Any
 
-from pipeline.data.process.own_code import ENV
+from pipeline.data.process.machine import PLUGINS
 
 from .contract import SINGLE_THREAD, Crew, CrewError
 from .signals import hold_signals
@@ -85,7 +85,7 @@ def _start(workers: int, folder: str) -> None:
 def _join(address: str, runtime_env: Mapping[str, Any], folder: str) -> None:
     from ray.runtime_env import RuntimeEnv
 
-    plugins = {ENV: os.environ[ENV]} if ENV in os.environ else {}
+    plugins = {PLUGINS: os.environ[PLUGINS]} if PLUGINS in os.environ else {}
     variables = SINGLE_THREAD | _SEES_GPUS | plugins | dict(runtime_env.get("env_vars", {}))
     environment: dict[str, Any] = dict(runtime_env) | {"env_vars": variables}
     try:

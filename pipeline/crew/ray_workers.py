@@ -48,7 +48,7 @@ class CrewWorker:
             raise CrewError(f"node {name}: {error}") from None
         self._work: Callable[[Any], Any] = make()
         gc.collect()
-        gc.freeze()  # for good, for the reason that pipeline.memory gives
+        gc.freeze()  # for good, for the reason that `freeze_garbage` gives
         return ray.get_runtime_context().get_node_id(), name, facts
 
     def start(self, job: Any) -> tuple[bool, Any]:

@@ -24,7 +24,7 @@ from .slots.files import Listing, Paths, Rows
 from .slots.index import FULL, Index
 from .slots.records import ATTEMPTS, MOST_ATTEMPTS, OF_ATTEMPT, PLACE, SlotRecord
 from .slots.reread import ask_index
-from .store.place import place_of, put
+from .store.place import place_of
 
 EDITED = (
     "was edited after it was written; undo the edit. To change what a dataset holds, give `build`"
@@ -69,7 +69,8 @@ class Dataset(Paths):
                     f"{self.root} is not empty and is no dataset: choose another --out"
                 )
         write_atomic(self.manifest, seal_yaml(recipe.to_yaml()))
-        put(self.manifest)
+        if place := place_of(self.root):
+            place.put([self.manifest])
 
     def recipe(self) -> Recipe:
         """The frozen recipe, its names resolved."""

@@ -46,10 +46,6 @@ class Candidates:
     opening: float
 
 
-def lifted(p: Pose, height: float) -> Pose:
-    return p + np.array([0, 0, height, 0, 0, 0, 0])
-
-
 def backed_off(tcp: Pose, distance: float) -> Pose:
     """The tcp pose drawn back along its approach axis by `distance` m."""
     return compose(tcp, pose((-distance, 0, 0)))

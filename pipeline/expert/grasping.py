@@ -12,13 +12,13 @@ from pipeline.planning.failure import PlanFailure
 from pipeline.planning.path import IsFree, ending_clear
 from pipeline.planning.planner import ArmPlanner
 from pipeline.planning.trajectory import ArmTrajectory
-from pipeline.poses import Floats, Pose, compose, inverse, quat_rotate
+from pipeline.poses import Floats, Pose, compose, inverse, lifted, quat_rotate
 from pipeline.world.objects.contract import Grasp
 from pipeline.world.shapes import Collider
 
 from .actor import Actor
 from .budgets import GRASP, HAND_OVER
-from .candidates import Candidates, GraspOptions, backed_off, find_candidates, lifted
+from .candidates import Candidates, GraspOptions, backed_off, find_candidates
 
 
 @dataclass(frozen=True, eq=False)

@@ -48,7 +48,7 @@ class Interception:
     @cached_property
     def steps(self) -> NDArray[np.int64]:
         """(T,) physics step of every frame."""
-        return np.rint(self.log.times * self.rate).astype(np.int64)
+        return np.rint(self.log.times * self.meta.physics_hz).astype(np.int64)
 
     @property
     def motion_start(self) -> float:
@@ -59,21 +59,6 @@ class Interception:
     def planned_position(self) -> Floats:
         """(3,) where target and robot are to meet (m)."""
         return self.motion.pose(self.meta.meeting_time)[:3]
-
-    @cached_property
-    def arm_links(self) -> tuple[NDArray[np.int64], ...]:
-        """Indices (L,) into `log.bodies` of the links of each arm, left and right."""
-        names = list(enumerate(self.log.bodies))
-        links = [(i, n) for i, n in names if n not in self.meta.objects]
-        of = ([i for i, n in links if n.startswith(f"{side}_")] for side in SIDES)
-        return tuple(np.array(numbers, np.int64) for numbers in of)
-
-    def contact_rows(self, side: int) -> NDArray[np.void]:
-        """Rows (N,) of the contact table between the target and one arm."""
-        rows, body = self.log.contacts, self.log.bodies.index(self.meta.target)
-        links = self.arm_links[side]
-        first = (rows["a"] == body) & np.isin(rows["b"], links)
-        return rows[first | ((rows["b"] == body) & np.isin(rows["a"], links))]
 
     @cached_property
     def contact_pairs(self) -> NDArray[np.int64]:
@@ -94,10 +79,19 @@ class Interception:
     def _summed(
         self, values: Callable[[NDArray[np.void]], NDArray[Any]], dtype: type, *shape: int
     ) -> NDArray[Any]:
-        """Sums (T,2,...) of values of the contact rows, by frame and arm."""
+        """Sums (T,2,...) of values of the target's contacts with each arm, by frame and arm."""
         sums = np.zeros((len(self.log), len(SIDES), *shape), dtype)
+        every, bodies = self.log.contacts, self.log.bodies
+        body = bodies.index(self.meta.target)
+        links = [
+            (index, SIDES.index(name.partition("_")[0]))
+            for index, name in enumerate(bodies)
+            if name.startswith(("left_", "right_")) and name not in self.meta.objects
+        ]
         for side in range(len(SIDES)):
-            rows = self.contact_rows(side)
+            own = [index for index, of in links if of == side]
+            touched = (every["a"] == body) & np.isin(every["b"], own)
+            rows = every[touched | ((every["b"] == body) & np.isin(every["a"], own))]
             np.add.at(sums[:, side], rows["frame"], values(rows))
         return sums
 
@@ -108,27 +102,21 @@ class Interception:
     @cached_property
     def held(self) -> NDArray[np.bool_]:
         """(T,2) whether each arm holds the target: touching and steady for GRASP_SECONDS, then
-        travelling GRASP_TRAVEL together: a press is no grasp."""
+        travelling GRASP_TRAVEL together: a press is no grasp.
+        """
+        window = max(1, round(GRASP_SECONDS * self.meta.fps))
         out = np.zeros((len(self.log), len(SIDES)), bool)
         for name in self.log.sides:
-            side = SIDES.index(name)
-            steady = self._steady(side)
+            side, steady = SIDES.index(name), np.zeros(len(self.log), np.int64)
+            local = compose(inverse(self.log.tcp[:, self.log.sides.index(name)]), self.target)
+            for t in range(window, len(self.log)):
+                drift = np.linalg.norm(local[t - window : t + 1, :3] - local[t, :3], axis=1).max()
+                touched = self.contact_pairs[t - window + 1 : t + 1, side] > 0
+                steady[t] = touched.all() and drift <= GRASP_DRIFT
             edges = np.flatnonzero(np.diff(np.concatenate([[0], steady, [0]])))
             for start, end in edges.reshape(-1, 2):
                 way = self.target[start:end, :3] - self.target[start, :3]
                 out[start:end, side] = np.linalg.norm(way, axis=1).max() >= GRASP_TRAVEL
-        return out
-
-    def _steady(self, side: int) -> NDArray[np.int64]:
-        """(T,) 1 where an arm touched the target all through the window before."""
-        window = max(1, round(GRASP_SECONDS * self.meta.fps))
-        tcp = self.log.tcp[:, self.log.sides.index(SIDES[side])]
-        local = compose(inverse(tcp), self.target)[:, :3]
-        touched = self.contact_pairs[:, side] > 0
-        out = np.zeros(len(self.log), np.int64)
-        for t in range(window, len(self.log)):
-            drift = np.linalg.norm(local[t - window : t + 1] - local[t], axis=1).max()
-            out[t] = touched[t - window + 1 : t + 1].all() and drift <= GRASP_DRIFT
         return out
 
     def grasp_pose(self) -> Floats:
@@ -191,19 +179,21 @@ TRACKS = "tracks/"
 def physics_arrays(
     derived: Interception, conditions: Mapping[str, NDArray[np.bool_]]
 ) -> dict[str, NDArray[Any]]:
-    """Arrays of the group `interception` (docs/formats.md), with the success conditions (T,)."""
-    log, rate = derived.log, derived.rate
+    """Arrays of the group `interception` (docs/formats.md), and the success conditions (T,) by
+    name.
+    """
+    log, motion, rate = derived.log, derived.motion, derived.meta.physics_hz
     planned = derived.meta.meeting_time
     values: dict[str, NDArray[Any]] = {
         "sim_step": derived.steps,
         "sim_time": derived.steps / rate,
         "sim_timestep": np.array(1 / rate),
-        "lead": np.array(float(derived.motion.lead)),
-        "motion_start_time": np.array(derived.motion_start + 0.0),
-        "motion_start_step": np.array(round(derived.motion_start * rate)),
+        "lead": np.array(float(motion.lead)),
+        "motion_start_time": np.array(-motion.lead + 0.0),
+        "motion_start_step": np.array(round(-motion.lead * rate)),
         "planned_time": np.array(planned),
         "planned_step": np.array(planned * rate),
-        "planned_position": derived.planned_position,
+        "planned_position": motion.pose(planned)[:3],
         "target_speed": np.linalg.norm(log.target_velocity, axis=1),
         "contact_mask": derived.contact_pairs > 0,
         "contact_points": derived.contact_points,

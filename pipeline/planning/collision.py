@@ -138,16 +138,13 @@ class CollisionWorld:
             overlap |= {frozenset((a, b)) for a in fingers for b in fingers}
         parent = {f + 1: int(p) for f, p in enumerate(self.frames.parent)}
         frame, owner = self.pieces.frame.tolist(), [self.names[i] for i in self.pieces.owner]
-
-        def checked(a: int, b: int) -> bool:
+        arms, pairs = [self.groups[s] for s in self.arms], list[tuple[int, int]]()
+        for a, b in combinations(range(len(frame)), 2):
             if frame[a] == frame[b] or frozenset((owner[a], owner[b])) in overlap:
-                return False
-            arms = (self.groups[s] for s in self.arms)
-            one_arm = any(owner[a] in arm and owner[b] in arm for arm in arms)
+                continue
             chained = parent.get(frame[a]) == frame[b] or parent.get(frame[b]) == frame[a]
-            return not (one_arm and chained)
-
-        pairs = [(a, b) for a, b in combinations(range(len(frame)), 2) if checked(a, b)]
+            if not (chained and any(owner[a] in arm and owner[b] in arm for arm in arms)):
+                pairs.append((a, b))
         return np.array(pairs, np.int64).reshape(-1, 2)
 
     def with_objects(
@@ -176,10 +173,17 @@ class CollisionWorld:
             frame, tcp = self.hands[side]
             entries += [(owner, frame, c, compose(tcp, at)) for c in colliders]
         pieces = self.pieces.joined(pieces_of(entries))
-        pairs = np.concatenate([self.pairs, self._object_pairs(pieces, first)])
+        every = np.arange(len(pieces.owner))
+        new = every[len(self.pieces.owner) :]
+        b, a = (m.ravel() for m in np.meshgrid(new, every, indexing="ij"))
+        owner_a, owner_b = pieces.owner[a], pieces.owner[b]
+        moving_link = (owner_a < self.links) & (pieces.frame[a] > 0)
+        checked = (owner_a < owner_b) & np.where(owner_b < first, moving_link, True)
+        pairs = np.concatenate([self.pairs, np.stack([a[checked], b[checked]], axis=1)])
         allowed = np.ones((len(names), len(names)), bool)
-        for a, b in (*ignore, *((name, f"{side}_hand") for name, (side, _, _) in carried.items())):
-            i, j = self._indices(names, a), self._indices(names, b)
+        in_hand = ((name, f"{side}_hand") for name, (side, _, _) in carried.items())
+        for one, other in (*ignore, *in_hand):
+            i, j = self._indices(names, one), self._indices(names, other)
             allowed[np.ix_(i, j)] = allowed[np.ix_(j, i)] = False
         owners = pieces.owner[pairs]
         pairs = pairs[allowed[owners[:, 0], owners[:, 1]]]
@@ -224,15 +228,6 @@ class CollisionWorld:
         gaps[links] = np.where(self.sides[a] == self.sides[b], 0.0, apart)
         columns = (np.ascontiguousarray(c) for c in pairs.T)
         return PiecePairs(frame, balls, bodies, np.append(starts, len(pairs)), gaps, *columns)
-
-    def _object_pairs(self, pieces: Pieces, first_carried: int) -> Ints:
-        old = len(self.pieces.owner)
-        every = np.arange(len(pieces.owner))
-        b, a = (m.ravel() for m in np.meshgrid(every[old:], every, indexing="ij"))
-        owner_a, owner_b = pieces.owner[a], pieces.owner[b]
-        moving_link = (owner_a < self.links) & (pieces.frame[a] > 0)
-        wanted = (owner_a < owner_b) & np.where(owner_b < first_carried, moving_link, True)
-        return np.stack([a[wanted], b[wanted]], axis=1)
 
     def _indices(self, names: tuple[str, ...], name: str) -> list[int]:
         if name not in names and name not in self.groups:

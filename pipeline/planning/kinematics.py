@@ -30,10 +30,6 @@ class Chain:
     reach: Floats
     restarts: Floats
 
-    @property
-    def dof(self) -> int:
-        return len(self.home)
-
     @cached_property
     def kernel(self) -> tuple[Floats, NDArray[np.bool_], Floats, Floats, Floats]:
         return self.pre, self.prismatic, self.tool, self.lower, self.upper
@@ -96,7 +92,7 @@ def ik_many(
         chain.kernel,
         chain.reach,
         _rows(targets),
-        _rows(seeds).reshape(-1, chain.dof),
+        _rows(seeds).reshape(-1, len(chain.home)),
         chain.restarts[: budget.restarts],
         budget.iterations,
         budget.tolerance,

@@ -21,11 +21,6 @@ from .path import IsFree, connect, dense
 from .trajectory import ArmTrajectory, time_parameterise
 
 
-def tool_way(chain: Chain, path: Floats) -> Floats:
-    """World tcp poses (M,7) along waypoints (K,n)."""
-    return fk_batch(chain, dense(path, DETOURS.resolution))
-
-
 def unseen_length(way: Floats, carried: Carried, sees: Sees) -> float:
     """Length (m) of a way (M,7) on which the middle of what is carried is out of view; 0 if it
     begins or ends there."""
@@ -215,7 +210,7 @@ class ArmPlanner:
             path = connect(free, self.q, goal, self.rng, (self.chain.lower, self.chain.upper))
             if path is None:
                 break
-            way = tool_way(self.chain, path)
+            way = fk_batch(self.chain, dense(path, DETOURS.resolution))
             length = float(np.linalg.norm(np.diff(way[:, :3], axis=0), axis=1).sum())
             straight = float(np.linalg.norm(way[-1, :3] - way[0, :3]))
             unseen = 0.0 if held is None else unseen_length(way, held, self.scene.sees)

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from pipeline.data.clock import PHYSICS_HZ
 from pipeline.poses import Floats
@@ -142,21 +142,18 @@ def _along(
     if not (speeds[1:-1] > 0).all():
         raise PlanFailure("time_parameterisation", f"a path of {len(corners)} waypoints gets stuck")
     times = np.concatenate([[0.0], np.cumsum(2 * np.diff(s) / (speeds[:-1] + speeds[1:]))])
-
-    def sample(t: NDArray[np.floating]) -> tuple[Floats, Floats]:
-        i = np.clip(np.searchsorted(times, t, side="right") - 1, 0, len(s) - 2)
-        dt = t - times[i]
-        at = np.clip(s[i] + speeds[i] * dt + 0.5 * accelerations[i] * dt**2, 0.0, s[-1])
-        speed = np.maximum(speeds[i] + accelerations[i] * dt, 0.0)
-        return path(at), path(at, 1) * speed[:, None]
-
     duration = float(times[-1])
     if not duration < LIMITS.longest:
         what = f"a path of {len(corners)} waypoints would take {duration:.0f} s"
         raise PlanFailure("time_parameterisation", what)
     rows = max(_rows(duration), _rows(minimum))
     while True:
-        q, qd = sample(np.linspace(0.0, duration, rows))
+        t = np.linspace(0.0, duration, rows)
+        i = np.clip(np.searchsorted(times, t, side="right") - 1, 0, len(s) - 2)
+        dt = t - times[i]
+        at = np.clip(s[i] + speeds[i] * dt + 0.5 * accelerations[i] * dt**2, 0.0, s[-1])
+        speed = np.maximum(speeds[i] + accelerations[i] * dt, 0.0)
+        q, qd = path(at), path(at, 1) * speed[:, None]
         # Limits hold at grid points only: slow down uniformly by what the samples in between exceed
         # them.
         over = _excess(q, v, a)

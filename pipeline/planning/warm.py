@@ -23,7 +23,7 @@ def warm_up(embodiment: str) -> None:
     arm.line(near, tcp + np.array([0, 0, 0.02, 0, 0, 0, 0]))
     arm.checker()(near)
     connect(lambda q: True, arm.home, near, arm.rng, (arm.chain.lower, arm.chain.upper))
-    ones = np.ones(arm.chain.dof)
+    ones = np.ones(len(arm.chain.home))
     for count in (2, 5):
         time_parameterise(np.linspace(arm.home, near, count) ** 3, ones, ones)
     sweep = Sweep([(0, TABLE_COLLISION)], IDENTITY[None, None], [TABLE_COLLISION], 0.0)

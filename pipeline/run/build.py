@@ -4,10 +4,10 @@ from collections import Counter, deque
 from collections.abc import Iterator, Mapping
 from contextlib import closing, contextmanager, nullcontext
 from dataclasses import dataclass
+from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
 
-from pipeline.annotate.overlays import annotation_sheet
 from pipeline.crew.contract import Crew, Died, Done
 from pipeline.crew.loop import run
 from pipeline.crew.progress import SHOWN, Kind, Progress
@@ -19,15 +19,14 @@ from pipeline.data.recipe.model import Recipe, Slot
 from pipeline.data.slots.reread import IndexWriter
 from pipeline.data.store.place import with_urls
 from pipeline.planning.warm import warm_up
-from pipeline.report.page import refresh
 from pipeline.world.drawing.renderer import device_of
 
 from .compile_ahead import compiling_ahead, is_compiled
-from .identity.slot_keys import code_version
+from .identity.core import code_version
 from .plan import cost_of
 from .provenance import write_provenance
 from .render import draw_variants
-from .slot.fill import FillJob, NodeCheck, demonstrator_of, slot_jobs, slot_worker
+from .slot.fill import FillJob, check_node, fill_in_steps, slot_jobs
 from .state import SlotState, missing
 
 ATTEMPT_SECONDS = 600.0
@@ -65,15 +64,16 @@ def build(
             sweep(dataset.assets)
             dataset.write_attempts(recipe)
             write_provenance(dataset, device, recipe)
-        refresh(dataset, annotation_sheet)
         return _result(dataset, recipe, todo, lost)
 
 
 @contextmanager
 def _alone(dataset: Dataset, recipe: Recipe, crew: Crew) -> Iterator[None]:
     new = not dataset.manifest.exists()
-    if new:
-        demonstrator_of(recipe).check()
+    if new and recipe.corrections:
+        from pipeline.evaluate.correct import Correction  # policies take a second to import
+
+        Correction(recipe).check()
     # a cluster that cannot be joined leaves no dataset, which would hold the place for this recipe
     with session(crew) if crew.address and new else nullcontext():
         dataset.create(recipe)
@@ -89,10 +89,12 @@ def _build(
     with IndexWriter(dataset, recipe) as index:
         todo = missing(dataset, recipe, index)
         jobs = slot_jobs(dataset, recipe, todo)
-        check = NodeCheck(str(dataset.root.resolve()), code_version(), recipe.render)
+        check = partial(check_node, str(dataset.root.resolve()), code_version(), recipe.render)
         with (
             _progress(dataset, recipe, jobs, crew, shown) as progress,
-            closing(run(slot_worker, jobs, crew, timeout, check, progress.count_lost)) as ends,
+            closing(
+                run(lambda: fill_in_steps, jobs, crew, timeout, check, progress.count_lost)
+            ) as ends,
         ):
             for end in ends:
                 match end:

@@ -15,7 +15,7 @@ from pipeline.evaluate.policies.policy import PolicyName
 from pipeline.evaluate.scenes.manifests import Runner
 from pipeline.evaluate.scoring.clock import parse_clock
 
-from .identity.slot_keys import code_version, policy_version
+from .identity.core import code_version, policy_version
 from .provenance import machine
 
 # what one episode, or one seed of the expert, may take before its worker counts as hung

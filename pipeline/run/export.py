@@ -24,7 +24,7 @@ from pipeline.export.shared.episodes import EPISODES, FAILURES, select_episodes
 from pipeline.export.shared.record import read_record
 from pipeline.report.card import describe
 
-from .identity.core import package_root, shared_physics
+from .identity.core import shared_physics
 from .joined import DatasetPart, join, weigh
 
 JOINED = ("lerobot", "lerobot-v2.1", "rlds", "zarr")
@@ -150,7 +150,7 @@ def differences(source: Dataset, place: Path) -> list[str]:
 
 def stale_warning(source: Dataset, recipe: Recipe) -> str:
     """How many episodes older code made; "" for none."""
-    rows, now = source.present(recipe), shared_physics(package_root()).items()
+    rows, now = source.present(recipe), shared_physics().items()
     stale = [
         number
         for number, text in rows.texts.items()

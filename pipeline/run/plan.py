@@ -64,17 +64,6 @@ class EpisodeCost:
         return f"{spent} on {crew} and {room} (estimated from {self.source})"
 
 
-def mean_frames(recipe: Recipe) -> float:
-    """Recorded frames: a fifth of the step limit, and the lead."""
-    counts = recipe.counts()
-    seconds = [
-        TASKS[cell.task].step_limit / 5 / DEFAULT_FPS
-        + (recipe.lead if cell.level and cell.alpha else 0.0)
-        for cell in counts
-    ]
-    return recipe.fps * float(np.average(seconds, weights=list(counts.values())))
-
-
 def typical(recipe: Recipe, source: str = "benchmarks") -> EpisodeCost:
     """What an episode takes by its recipe alone. Fitted: bytes within a factor of 1.6, processor
     time of 1.7.
@@ -94,7 +83,13 @@ def typical(recipe: Recipe, source: str = "benchmarks") -> EpisodeCost:
         """Bytes of a frame of all cameras, by those of 320x240 pixels."""
         return size * sum(each**power for each in pixels)
 
-    frames = mean_frames(recipe)
+    # a fifth of the step limit, and the lead
+    seconds = [
+        TASKS[cell.task].step_limit / 5 / DEFAULT_FPS
+        + (recipe.lead if cell.level and cell.alpha else 0.0)
+        for cell in counts
+    ]
+    frames = recipe.fps * float(np.average(seconds, weights=list(counts.values())))
     size = 95_000 + frames * (
         4300
         + coded(20_000, 0.74) * (1 + busy / 8)

@@ -13,7 +13,7 @@ from pipeline.data.setup.brought import Brought
 from pipeline.world.objects.contract import FAMILIES, directory_of
 from pipeline.world.robots.pairs import MODELS
 
-from .identity.slot_keys import code_version
+from .identity.core import code_version
 
 _PACKAGES = (
     *("domino-data", "sapien", "numpy", "numba", "h5py"),
@@ -30,11 +30,14 @@ def write_provenance(dataset: Dataset, renderer: str, recipe: Recipe, **more: An
 
 def machine() -> dict[str, Any]:
     """What physics depends on beside the code: packages, Python, processor."""
+    info = Path("/proc/cpuinfo")
+    lines = info.read_text().splitlines() if info.exists() else []
+    names = (line.split(":", 1)[1].strip() for line in lines if line.startswith("model name"))
     return {
         "packages": {name: installed_version(name) or "missing" for name in _PACKAGES},
         "python": platform.python_version(),
         "platform": platform.platform(),
-        "processor": processor(),
+        "processor": next(names, platform.processor()),
     }
 
 
@@ -44,14 +47,6 @@ def installed_version(distribution: str) -> str:
         return metadata.version(distribution)
     except metadata.PackageNotFoundError:
         return ""
-
-
-def processor() -> str:
-    """Model name of the processor."""
-    info = Path("/proc/cpuinfo")
-    lines = info.read_text().splitlines() if info.exists() else []
-    names = (line.split(":", 1)[1].strip() for line in lines if line.startswith("model name"))
-    return next(names, platform.processor())
 
 
 def licences_of(recipe: Recipe) -> dict[str, str]:

@@ -4,6 +4,7 @@ from collections import deque
 from collections.abc import Collection, Iterable, Mapping
 from contextlib import closing
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 from tqdm import tqdm
@@ -23,9 +24,10 @@ from pipeline.report.page import refresh
 from pipeline.world.cameras import CameraError, check_links, wanted_cameras
 from pipeline.world.drawing.renderer import device_of
 
-from .identity.slot_keys import code_version, redrawn_keys
+from .identity.core import code_version
+from .identity.slot_keys import RecipeKeys
 from .provenance import write_provenance
-from .slot.fill import NodeCheck
+from .slot.fill import check_node
 from .slot.redraw import DrawJob, draw_slot, is_drawn, origin_of
 
 IMAGE_SECONDS = 600.0
@@ -149,7 +151,7 @@ def work_of(
     if source.root == out.root:
         held = held.model_copy(update={"variants": 1})
     records, drawn = dict(source.records(held)), dict(out.records(recipe))
-    assets = AssetStore(out.bodies).keys()
+    keys, assets = RecipeKeys(recipe), AssetStore(out.bodies).keys()
     here, there = str(source.root.resolve()), str(out.root.resolve())
     for slot in slots:
         origin, same_look = origin_of(held, recipe, slot)
@@ -157,7 +159,7 @@ def work_of(
         if record is None:
             missing += 1
         elif slot not in damaged and is_drawn(
-            drawn.get(slot), record, redrawn_keys(recipe, slot, record.keys), assets
+            drawn.get(slot), record, keys.redrawn(slot, record.keys), assets
         ):
             done += 1
         else:
@@ -185,7 +187,7 @@ def draw_all(
     check = None
     if work.jobs:
         first = work.jobs[0]
-        check = NodeCheck(first.out, code_version(), first.recipe.render, look)
+        check = partial(check_node, first.out, code_version(), first.recipe.render, look)
     with bar, closing(run(lambda: draw_slot, deque(work.jobs), crew, timeout, check)) as ends:
         for end in ends:
             match end:

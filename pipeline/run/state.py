@@ -102,8 +102,10 @@ def missing(dataset: Dataset, recipe: Recipe, writer: IndexWriter) -> dict[Slot,
     found = _states(dataset, recipe, rows)
     for slot in damaged & found.keys():
         found[slot] = SlotState(PHYSICS, (REDO,), found[slot].accepted)
-    for slot in _without_assets(dataset, rows, writer.index.assets()):
-        if found[slot].todo in (DONE, SENTENCES):
+    there, names = AssetStore(dataset.bodies).keys(), writer.index.assets().items()
+    absent = {str(number) for number, name in names if name not in there}
+    for slot, named in zip(rows.slots, rows.more["assets"], strict=True) if absent else ():
+        if found[slot].todo in (DONE, SENTENCES) and not absent.isdisjoint(named.split()):
             found[slot] = SlotState(IMAGES, (NO_ASSET,), True)
     if recipe.keep_failures != "none":
         for slot, path, _ in kept_failures(dataset, recipe):
@@ -111,16 +113,6 @@ def missing(dataset: Dataset, recipe: Recipe, writer: IndexWriter) -> dict[Slot,
                 found[slot] = SlotState(PHYSICS, (GONE,), found[slot].accepted)
     each = ((slot, found.get(slot, SlotState(OPEN))) for slot in recipe.physical_slots())
     return {slot: state for slot, state in each if state.todo != DONE}
-
-
-def _without_assets(dataset: Dataset, rows: Rows, names: Mapping[int, str]) -> list[Slot]:
-    """The slots with a missing asset."""
-    there = AssetStore(dataset.bodies).keys()
-    absent = {str(number) for number, name in names.items() if name not in there}
-    if not absent:
-        return []
-    lacking = [not absent.isdisjoint(named.split()) for named in rows.more["assets"]]
-    return rows.where(np.array(lacking, bool)).slots
 
 
 def redone(

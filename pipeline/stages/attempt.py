@@ -1,7 +1,7 @@
 """One attempt at one spec: the three stages."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from pipeline.data.process.own_code import raise_own
 from pipeline.data.setup import Setup
@@ -96,8 +96,10 @@ def attempt(
         dry, motion, steps = draw_motion(scene, setup)
         drawn, meeting = motion.features(), dry.meeting
         scene = scene.furnished(motion)
-        for twin in scene.twins():  # a scene is kept if all of its arms succeed
-            steps += demonstrator.show(twin, dry, motion, setup.fps).steps
+        for arm in scene.spec.arms:  # a scene is kept if all of its arms succeed
+            if arm != scene.spec.arm:
+                twin = replace(scene, spec=replace(scene.spec, arm=arm))
+                steps += demonstrator.show(twin, dry, motion, setup.fps).steps
         done = demonstrator.show(scene, dry, motion, setup.fps)
     except Failure as failure:
         failure.steps += steps

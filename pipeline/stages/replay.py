@@ -39,9 +39,6 @@ class Demonstrator(Protocol):
         """The fields `expert` and `corrects` of EpisodeMeta."""
         ...
 
-    def check(self) -> None:
-        """Raise PolicyError if it cannot act."""
-
     def show(self, scene: Scene, dry: DryRun, motion: TargetMotion, fps: int) -> Replay:
         """The rollout of a scene whose target moves so. Raises Failure."""
         ...
@@ -88,26 +85,27 @@ def replay(scene: Scene, dry: DryRun, motion: TargetMotion, fps: int) -> Replay:
         rows, velocities = commands(actor, dry, motion)
         whole = len(dry.commands)
         runs = [replace(run, end=len(rows)) if run.end == whole else run for run in dry.runs]
+        world = actor.simulation
         changed = actor.play(
-            rows, velocities, runs, until=lambda row: row >= dry.last and is_changed(actor)
+            rows,
+            velocities,
+            runs,
+            until=lambda row: (
+                row >= dry.last
+                and (isinstance(world.motion, Changed) or bool(world.roles))
+                and not world.touched_by
+            ),
         )
         if changed and isinstance(actor, ReactiveActor):
             target = scene.task.target
             actor.held = {side: name for side, name in dry.held.items() if name != target}
             actor.meet(scene.task.meet, rest=True)
             return finish(scene, actor, REPLAY)
-        if not actor.simulation.touched_by:
+        if not world.touched_by:
             why = f"nothing touched the {scene.task.target} at the meeting"
             raise Failure(REPLAY, "missed", why)
         actor.held = dict(dry.held)
         return finish(scene, actor, REPLAY)
-
-
-def is_changed(actor: Actor) -> bool:
-    """Whether an event changed an untouched target or its motion."""
-    simulation = actor.simulation
-    changed = isinstance(simulation.motion, Changed) or bool(simulation.roles)
-    return changed and not simulation.touched_by
 
 
 def react(scene: Scene, motion: TargetMotion, sight: Sight, fps: int) -> Replay:
@@ -139,10 +137,11 @@ def finish(scene: Scene, actor: Actor, stage: str) -> Replay:
     for skill in script:
         actor.perform(skill)
     rest(actor, scene.task)
-    since = success_time(scene, actor.recorder.log())
+    log = actor.recorder.log()
+    since = success_time(scene, log)
     if since is None:
-        raise no_success(stage, failed(scene.conditions(actor.recorder.log())))
-    if touched := scene.touched_distractor(actor.recorder.log()):
+        raise no_success(stage, failed(scene.conditions(log)))
+    if touched := next((event.by for event in log.events if event.name == "clutter_touched"), ""):
         raise Failure(stage, "clutter_touched", f"something touched {touched}")
     actor.recorder.extra.append(Event("success", since))
     motion = actor.simulation.motion

@@ -1,6 +1,6 @@
 """What follows from a spec before physics starts."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -71,12 +71,6 @@ class Scene:
         script = self._script(motion)
         return replace(self, scenery=(*motion.scenery(), *(script.props if script else ())))
 
-    def twins(self) -> Iterator["Scene"]:
-        """The other arms of a scene with paired events."""
-        for arm in self.spec.arms:
-            if arm != self.spec.arm:
-                yield replace(self, spec=replace(self.spec, arm=arm))
-
     @cached_property
     def events(self) -> tuple[DrawnEvent, ...]:
         """The events of the rules, drawn from streams of their own."""
@@ -132,6 +126,11 @@ class Scene:
         """A settled simulation with its recorder and expert. Raises Failure("unstable")."""
         contact = self.rules.after_touch(self.task.category)
         after = held_by(self.task, self.embodiment) if contact == "hold" else contact
+        imperfect = None
+        if self.rules.drive:
+            # a plan is played back with other errors of drives than it was made with
+            stream = self.spec.rng("drive/dry_run" if purpose == "dry_run" else "drive")
+            imperfect = ImperfectDrives(self.rules.drive, self.embodiment, stream)
         simulation = Simulation(
             self.embodiment,
             tuple(self.bodies.values()),
@@ -139,7 +138,7 @@ class Scene:
             motion,
             after_touch=after,
             clutter=self.clutter,
-            imperfect=self._imperfect(purpose),
+            imperfect=imperfect,
             script=None if purpose == "dry_run" else self._script(motion),
         )
         if not simulation.settle():
@@ -153,13 +152,6 @@ class Scene:
             self.spec.rng(f"planning/{purpose}"),
             self.task.step_limit,
         )
-
-    def _imperfect(self, purpose: str) -> ImperfectDrives | None:
-        """A plan is played back with other errors of drives than it was made with."""
-        if self.rules.drive is None:
-            return None
-        stream = "drive/dry_run" if purpose == "dry_run" else "drive"
-        return ImperfectDrives(self.rules.drive, self.embodiment, self.spec.rng(stream))
 
     def sees(self, points: Floats, camera: str = "D435") -> NDArray[np.bool_]:
         """Which world points (...,3) the head camera sees, with a margin."""
@@ -184,10 +176,6 @@ class Scene:
         """The words by slot that name what is asked for in this scene."""
         return self.task.choices(self.bodies)
 
-    def touched_distractor(self, log: StateLog) -> str:
-        """The first distractor touched by robot or task body, or ""."""
-        return next((event.by for event in log.events if event.name == "clutter_touched"), "")
-
     def conditions(self, log: StateLog) -> dict[str, bool]:
         """The success conditions at the end of the log, by name."""
         return self.task.conditions(self.outcome(log), self.by_role(log)[0].arms)
@@ -209,13 +197,14 @@ def build_scene(spec: EpisodeSpec, rules: Rules = STRICT) -> Scene:
     task = TASKS[spec.task]
     embodiment = embodiment_of(spec, rules.layout, stance_of(spec))
     head = cameras_of(embodiment)[0]
-
-    def in_view(point: Floats) -> bool:
-        return bool(visible(head.type, head.pose, point, FRAME_MARGIN))
-
+    draw = Draw(spec.rng("objects"), spec.rng("placement"), rules.within(spec.task))
     try:
-        draw = Draw(spec.rng("objects"), spec.rng("placement"), rules.within(spec.task))
-        bodies = lay_out(task, draw, in_view, lambda bodies: suits(task, bodies, embodiment.sides))
+        bodies = lay_out(
+            task,
+            draw,
+            lambda point: bool(visible(head.type, head.pose, point, FRAME_MARGIN)),
+            lambda bodies: suits(task, bodies, embodiment.sides),
+        )
     except PlanFailure as failure:
         raise Failure("layout", failure.reason, str(failure)) from failure
     if any("swap" in event.kinds for event in rules.events):

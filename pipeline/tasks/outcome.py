@@ -1,7 +1,7 @@
 """What happened, read from a state log. A question answers False if it does not apply yet."""
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -25,22 +25,18 @@ from pipeline.world.robots.contract import Embodiment
 OPEN, CLOSED = 0.8, 0.2  # shares of its opening from which a gripper counts as open, or closed
 
 
+@dataclass(eq=False)
 class Outcome:
     """A state log with names and frames of its scene, asked about its last frame by default.
 
     Strict rules measure the gripper and need two fingers to hold; domino rules take the commanded
     opening and one finger."""
 
-    def __init__(
-        self,
-        log: StateLog,
-        bodies: Mapping[str, Body],
-        embodiment: Embodiment,
-        target: str,
-        rules: Rules = STRICT,
-    ) -> None:
-        self.log, self.bodies, self.embodiment = log, bodies, embodiment
-        self.target, self.rules = target, rules
+    log: StateLog
+    bodies: Mapping[str, Body]
+    embodiment: Embodiment
+    target: str
+    rules: Rules = STRICT
 
     def until(self, frames: int) -> "Outcome":
         """The same episode cut after its first `frames` frames."""
@@ -53,7 +49,7 @@ class Outcome:
             contacts=log.contacts[log.contacts["frame"] < frames],
             events=[e for e in log.events if e.time <= log.times[frames - 1] + 1e-9],
         )
-        return Outcome(cut, self.bodies, self.embodiment, self.target, self.rules)
+        return replace(self, log=cut)
 
     def pose(self, name: str, frame: int = -1) -> Pose:
         """World pose (7,) of a body at a frame."""

@@ -5,11 +5,10 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from pipeline.data.cameras import CAMERA_TYPES, Camera, CameraType, look
-from pipeline.data.episode.meta import NamedCamera
+from pipeline.data.episode.meta import NamedCamera, camera_name
 from pipeline.data.errors import DominoError
 from pipeline.data.names import CAMERAS, HEAD, OBSERVER, SIDES
 from pipeline.data.setup import Setup
-from pipeline.data.setup.written import camera_name
 
 if TYPE_CHECKING:
     from .robots.contract import Embodiment

@@ -18,7 +18,7 @@ from pipeline.evaluate.scenes.case import expert_actions
 from pipeline.evaluate.scoring.clock import parse_clock
 from pipeline.evaluate.scoring.summary import over_tasks, two_by_two
 from pipeline.run.evaluation import evaluation_version
-from pipeline.run.identity.slot_keys import code_version
+from pipeline.run.identity.core import code_version
 from tests.evaluate.environment.test_env import case_of
 from tests.run.command import PATIENCE, inside, start
 

@@ -7,10 +7,10 @@ import pytest
 
 from pipeline.expert.actor import Actor
 from pipeline.expert.budgets import GRASP
-from pipeline.expert.candidates import GraspOptions, backed_off, lifted
+from pipeline.expert.candidates import GraspOptions, backed_off
 from pipeline.expert.grasping import plan_grasp
 from pipeline.planning.failure import PlanFailure
-from pipeline.poses import compose, inverse, pose, quat_rotate
+from pipeline.poses import compose, inverse, lifted, pose, quat_rotate
 from tests.expert.simulated import actor_among, body
 
 

@@ -31,7 +31,7 @@ def test_tcp_collision_frames_and_link_poses_agree_with_pinocchio(name: str, sid
     chain = chain_of(arm)
     frames, placed = frames_of([("", arm)])
     out = np.empty((len(frames.names) + 1, 12))
-    for q in np.random.default_rng(0).uniform(chain.lower, chain.upper, (10, chain.dof)):
+    for q in np.random.default_rng(0).uniform(chain.lower, chain.upper, (10, len(chain.home))):
         jaws = jaw_positions(arm.gripper, 0.4)
         positions = dict(zip((*arm.arm_joints, *arm.gripper.joints), (*q, *jaws), strict=True))
         full = np.zeros(model.nq)

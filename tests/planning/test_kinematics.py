@@ -33,20 +33,20 @@ def chain(request: pytest.FixtureRequest) -> Chain:
 def jacobian(chain: Chain, q: np.ndarray) -> np.ndarray:
     """The Jacobian (6,n) that inverse kinematics descends along, from its kernels."""
     axes, origins, rotation, position = (
-        np.empty((chain.dof, 3)),
-        np.empty((chain.dof, 3)),
+        np.empty((len(chain.home), 3)),
+        np.empty((len(chain.home), 3)),
         np.empty((3, 3)),
         np.empty(3),
     )
     ik_kernels.forward(chain.pre, chain.prismatic, chain.tool, q, axes, origins, rotation, position)
-    out = np.zeros((6, chain.dof))
-    for i in range(chain.dof):
+    out = np.zeros((6, len(chain.home)))
+    for i in range(len(chain.home)):
         ik_kernels.column(axes[i], origins[i], position, chain.prismatic[i], 1.0, out[:, i])
     return out
 
 
 def random_joints(chain: Chain, count: int, seed: int = 0) -> np.ndarray:
-    return np.random.default_rng(seed).uniform(chain.lower, chain.upper, (count, chain.dof))
+    return np.random.default_rng(seed).uniform(chain.lower, chain.upper, (count, len(chain.home)))
 
 
 @pytest.mark.parametrize("name", sorted(ARMS))
@@ -55,14 +55,14 @@ def test_fk_and_jacobian_agree_with_pinocchio(name: str) -> None:
     model, frame = pin_model(arm)
     data = model.createData()
     for q in random_joints(chain, 50):
-        full = np.concatenate([q, np.zeros(model.nq - chain.dof)])
+        full = np.concatenate([q, np.zeros(model.nq - len(chain.home))])
         pin.framesForwardKinematics(model, data, full)
         got, want = fk(chain, q), data.oMf[frame]
         np.testing.assert_allclose(got[:3], want.translation, atol=1e-12)
         np.testing.assert_allclose(se3(got).rotation, want.rotation, atol=1e-12)
         want_j = pin.computeFrameJacobian(
             model, data, full, frame, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
-        )[:, : chain.dof]
+        )[:, : len(chain.home)]
         np.testing.assert_allclose(jacobian(chain, q), want_j, atol=1e-12)
 
 
@@ -72,8 +72,8 @@ def test_jacobian_is_the_derivative_of_fk(unit: list[float]) -> None:
     chain = CHAINS["six"]
     q = chain.lower + np.array(unit) * (chain.upper - chain.lower)
     j, eps = jacobian(chain, q), 1e-6
-    for i in range(chain.dof):
-        step = np.eye(chain.dof)[i] * eps
+    for i in range(len(chain.home)):
+        step = np.eye(len(chain.home))[i] * eps
         a, b = fk(chain, q - step), fk(chain, q + step)
         turn = quat_multiply(b[3:], a[3:] * [1, -1, -1, -1])
         angular = 2 * np.sign(turn[0]) * turn[1:] / (2 * eps)

@@ -3,9 +3,11 @@
 import numpy as np
 import pytest
 
+from pipeline.planning.budgets import DETOURS
 from pipeline.planning.collision import Carried
-from pipeline.planning.kinematics import chain_of, fk
-from pipeline.planning.planner import tool_way, unseen_length
+from pipeline.planning.kinematics import chain_of, fk, fk_batch
+from pipeline.planning.path import dense
+from pipeline.planning.planner import unseen_length
 from pipeline.poses import pose
 from pipeline.world.robots import get_embodiment
 
@@ -19,7 +21,7 @@ def way(points: list[tuple[float, float, float]]) -> np.ndarray:
 def test_the_way_passes_through_its_waypoints():
     chain, home = chain_of(ARM), np.array(ARM.home, float)
     turned = home + np.array([0.7, *[0.0] * (len(home) - 1)])
-    found = tool_way(chain, np.stack([home, turned]))
+    found = fk_batch(chain, dense(np.stack([home, turned]), DETOURS.resolution))
     np.testing.assert_allclose(found[[0, -1]], [fk(chain, home), fk(chain, turned)], atol=1e-9)
     # the first joint turns about an axis: the tool moves on an arc
     straight = float(np.linalg.norm(found[-1, :3] - found[0, :3]))

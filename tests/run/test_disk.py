@@ -11,7 +11,7 @@ from pipeline.data.dataset import Dataset
 from pipeline.data.keys import file_hash
 from pipeline.data.slots.records import FileFacts, SlotRecord
 from pipeline.run import build
-from pipeline.run.identity.slot_keys import slot_keys
+from pipeline.run.identity.slot_keys import RecipeKeys
 from tests.run.command import WANTED, inside
 
 
@@ -30,7 +30,7 @@ def failing_after_one(number):
             "reason": "",
             "seconds": 1.0,
         }
-        keys, facts = slot_keys(job.recipe, job.slot), FileFacts.of(path.stat(), 3)
+        keys, facts = RecipeKeys(job.recipe).of(job.slot), FileFacts.of(path.stat(), 3)
         yield Done(job, SlotRecord(keys, True, file_hash(path), (row,), file=facts))
         raise OSError(number, os.strerror(number), "/mnt/set/episodes/e.hdf5")
 

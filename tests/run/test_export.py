@@ -8,7 +8,7 @@ from pipeline.data.dataset import Dataset
 from pipeline.data.keys import Key, SlotKeys
 from pipeline.data.recipe.model import parse_recipe
 from pipeline.run.export import stale_warning
-from pipeline.run.identity.core import package_root, shared_physics
+from pipeline.run.identity.core import shared_physics
 from tests.recording import finish
 
 RECIPE = parse_recipe({"tasks": "click_bell", "levels": [1], "episodes": 3})
@@ -19,7 +19,7 @@ ROW = {"attempt": 0, "seed": 1, "outcome": "accepted", "seconds": 1.0, "sim_step
 def test_stale_episodes_are_counted(tmp_path):
     dataset = Dataset(tmp_path / "set")
     dataset.create(RECIPE)
-    now = shared_physics(package_root())
+    now = shared_physics()
     for slot, core in zip(RECIPE.slots(), (now["core"], "older", "oldest"), strict=True):
         keys = SlotKeys(Key({"slot": "1", **now, "core": core}), Key({}), Key({}))
         finish(dataset, slot, keys, [ROW])

@@ -5,7 +5,6 @@ import json
 import os
 import signal
 import threading
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -18,7 +17,7 @@ from pipeline.data.slots.records import SlotRecord
 from pipeline.run import build as build_module
 from pipeline.run.names import recipe_from
 from pipeline.run.slot import fill as slot
-from pipeline.run.slot.fill import FillJob, LostAttempt, fill_logged, fill_slot, slot_worker
+from pipeline.run.slot.fill import FillJob, LostAttempt, fill_in_steps, fill_slot
 from pipeline.stages.failure import Failure
 from tests.run.command import PATIENCE, WANTED, contents, slots, start, temporaries
 from tests.run.processes import of_session, shared_memory, title, wait_for, workers
@@ -63,17 +62,12 @@ def fatal_fill_slot(job: FillJob) -> Steps[SlotRecord]:
         failing(spec, recipe)
 
     slot.attempt = attempt
-    return fill_logged(job)
-
-
-def fatal_worker() -> Callable[[FillJob], Steps[SlotRecord]]:
-    slot_worker()
-    return fatal_fill_slot
+    return fill_in_steps(job)
 
 
 @pytest.mark.usefixtures("ray_session")
 def test_a_seed_that_takes_two_workers_is_recorded_and_the_next_is_tried(tmp_path, monkeypatch):
-    monkeypatch.setattr(build_module, "slot_worker", fatal_worker)
+    monkeypatch.setattr(build_module, "fill_in_steps", fatal_fill_slot)
     results = []
     # as from a notebook or a web page: Python has signal handlers in the main thread only
     arguments = tmp_path / "out", RECIPE, Crew("ray", 2), 600.0, "none"

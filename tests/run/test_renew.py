@@ -8,7 +8,8 @@ from pathlib import Path
 import h5py
 import pytest
 
-from pipeline.run.identity import code, core
+from pipeline.run.identity import core
+from pipeline.run.identity import slot_keys as code
 from pipeline.tasks import TASKS
 from tests.run.command import inside
 from tests.run.identity.test_slot_keys import CODE
@@ -22,9 +23,9 @@ def tree(tmp_path, monkeypatch):
     """A copy of the sources to edit, from which this process takes its keys. It runs the sources
     themselves: no edit of the test but that of the phrases does anything."""
     root = shutil.copytree(
-        core.package_root(), tmp_path / "pipeline", ignore=shutil.ignore_patterns("__pycache__")
+        core.PACKAGE, tmp_path / "pipeline", ignore=shutil.ignore_patterns("__pycache__")
     )
-    monkeypatch.setattr(core, "package_root", lambda: root)
+    monkeypatch.setattr(core, "PACKAGE", root)
     yield root
     monkeypatch.undo()
     forget_sources()

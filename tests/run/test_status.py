@@ -12,7 +12,7 @@ from pipeline.data.slots.files import write_given_up
 from pipeline.data.slots.index import FULL
 from pipeline.data.slots.records import FileFacts, SlotRecord
 from pipeline.data.slots.reread import IndexWriter
-from pipeline.run.identity.slot_keys import slot_keys
+from pipeline.run.identity.slot_keys import RecipeKeys
 from pipeline.run.names import recipe_from
 from pipeline.run.state import (
     DONE,
@@ -104,7 +104,7 @@ def dataset(tmp_path_factory):
         )
         if case == "open":
             continue
-        keys, accepted = slot_keys(RECIPE, slot), case != "given up"
+        keys, accepted = RecipeKeys(RECIPE).of(slot), case != "given up"
         keys = other(keys, case) if case in (PHYSICS, "render", "language") else keys
         rows = () if slot.variant and accepted else attempts(slot, accepted, rng)
         path = dataset.episode(slot)
@@ -159,7 +159,7 @@ def test_states_of_single_slots(dataset):
     for slot, record in records.items():
         held, wanted, path = (
             record.keys,
-            slot_keys(RECIPE, slot),
+            RecipeKeys(RECIPE).of(slot),
             dataset.file(slot, record.accepted),
         )
         changed = [

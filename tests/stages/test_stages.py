@@ -12,14 +12,13 @@ from pipeline.data.cameras import project, visible
 from pipeline.data.names import SIDES
 from pipeline.data.setup import Setup
 from pipeline.data.spec import EpisodeSpec
-from pipeline.expert.candidates import lifted
 from pipeline.motion.contract import MotionRequest
 from pipeline.motion.models.planar import judge_shapes
 from pipeline.motion.planar import PlanarMotion, Segment
 from pipeline.motion.planar_shapes import DRAW
 from pipeline.motion.workspace import Workspace
 from pipeline.planning.collision_pieces import Sweep
-from pipeline.poses import compose, transform
+from pipeline.poses import compose, lifted, transform
 from pipeline.stages import back_calculate as module
 from pipeline.stages.back_calculate import CLOSING, EARLY, Clearance, back_calculate
 from pipeline.stages.dry_run import DryRun, dry_run

@@ -119,7 +119,7 @@ def ladder(
     in minutes."""
     from pipeline.data.keys import digest
     from pipeline.run.evaluation import evaluation_version, runner
-    from pipeline.run.identity.slot_keys import code_version, policy_version
+    from pipeline.run.identity.core import code_version, policy_version
     from training.ladder.climb import Ladder, climb
     from training.ladder.features import INPUTS
     from training.ladder.image_rungs import IMAGE_RUNGS

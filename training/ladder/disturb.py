@@ -20,7 +20,7 @@ def disturbances(
     Grippers, and all frames from `untouched` on, when a body may be in the hand, have no offset."""
     out = list[Floats]()
     for chain in planner_for(embodiment).chains.values():
-        joints = chain.dof
+        joints = len(chain.home)
         size = rng.uniform(0, spread, (frames, 1))
         out += [size * rng.normal(size=(frames, joints)), np.zeros((frames, 1))]
     offsets = np.concatenate(out, 1)
@@ -33,8 +33,8 @@ def disturbed(state: State, embodiment: str, offsets: Floats) -> State:
     says they are then."""
     tools, first = state.tools.copy(), 0
     for k, chain in enumerate(planner_for(embodiment).chains.values()):
-        arm = slice(first, first + chain.dof)
+        arm = slice(first, first + len(chain.home))
         q = state.joints[:, arm]
         tools[:, k, :3] += fk_batch(chain, q + offsets[:, arm])[:, :3] - fk_batch(chain, q)[:, :3]
-        first += chain.dof + 1
+        first += len(chain.home) + 1
     return replace(state, joints=state.joints + offsets, tools=tools)

@@ -118,9 +118,9 @@ def tools_of(embodiment: str, joints: NDArray[Any]) -> NDArray[np.float32]:
     out, first = np.zeros((len(joints), len(SIDES), 3), np.float32), 0
     for side, chain in planner_for(embodiment).chains.items():
         out[:, SIDES.index(side)] = fk_batch(
-            chain, np.asarray(joints[:, first : first + chain.dof], float)
+            chain, np.asarray(joints[:, first : first + len(chain.home)], float)
         )[:, :3]
-        first += chain.dof + 1
+        first += len(chain.home) + 1
     return out
 
 

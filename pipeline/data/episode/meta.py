@@ -11,7 +11,6 @@ from pydantic import (
     Field,
     FiniteFloat,
     SerializerFunctionWrapHandler,
-    field_serializer,
     field_validator,
     model_serializer,
     model_validator,
@@ -20,7 +19,7 @@ from pydantic import (
 from pipeline.data.cameras import Camera, CameraType, look
 from pipeline.data.clock import PHYSICS_HZ
 from pipeline.data.imperfections import DriveErrors, Sensors
-from pipeline.data.names import RETIRED, is_name
+from pipeline.data.names import CAMERAS, RETIRED, is_name
 
 from .events import DrawnEvent
 from .visuals import FIRST_LOOK, Visuals
@@ -133,6 +132,11 @@ class NamedCamera(CameraInfo):
         return (*value[:3], *(v / length for v in value[3:]))
 
 
+def camera_name(camera: str | NamedCamera) -> str:
+    """The name in an episode file."""
+    return CAMERAS[camera] if isinstance(camera, str) else camera.name
+
+
 class Drawing(_Record):
     """What the images were drawn with. `assets` maps visible bodies and "furniture" to hashes;
     {} if nothing was drawn.
@@ -159,20 +163,13 @@ class Drawing(_Record):
 
     @model_serializer(mode="wrap")
     def _written(self, write: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """Without the imperfections of cameras that have none."""
+        """Without imperfections of cameras that have none, and the look of episodes that were
+        stored before looks had a number."""
         values = write(self)
         if self.sensors is None:
             values.pop("sensors", None)
-        return values
-
-    @field_serializer("visuals", mode="wrap")
-    def _without_the_first_look(
-        self, visuals: Visuals, handler: SerializerFunctionWrapHandler
-    ) -> Any:
-        """Keeps the bytes of episodes stored before looks had a number."""
-        values = handler(visuals)
-        if visuals.look == FIRST_LOOK:
-            del values["look"]
+        if self.visuals.look == FIRST_LOOK and "visuals" in values:
+            del values["visuals"]["look"]
         return values
 
 

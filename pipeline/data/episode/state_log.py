@@ -121,8 +121,7 @@ class StateLog:
 
     def time_of(self, event: str) -> float | None:
         """Time (s) of the first event of that name."""
-        found = self.event(event)
-        return found.time if found else None
+        return next((each.time for each in self.events if each.name == event), None)
 
 
 _ARRAYS = ("times", "poses", "qpos", "qvel", "state", "action", "tcp", "target_velocity")

@@ -1,7 +1,6 @@
 """A user's code: its place, errors and time limit."""
 
 import inspect
-import os
 import signal
 import sys
 import threading
@@ -19,16 +18,9 @@ from pipeline.data.errors import DominoError
 PACKAGE = Path(__file__).parents[1]
 _INSTALLED = "site-packages"
 
-ENV = "DOMINO_PLUGINS"  # the environment variable that names directories of extensions
-
 
 class OwnCodeError(DominoError):
     """An error in an extension; the message begins with FILE:LINE."""
-
-
-def directories() -> list[Path]:
-    """Those of DOMINO_PLUGINS."""
-    return [Path(part).resolve() for part in os.environ.get(ENV, "").split(os.pathsep) if part]
 
 
 def is_outside(cls: type) -> bool:

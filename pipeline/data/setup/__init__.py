@@ -17,7 +17,7 @@ from pydantic import (
 
 from pipeline.data.clock import DEFAULT_FPS
 from pipeline.data.episode.events import Events
-from pipeline.data.episode.meta import CLUTTER, Name, NamedCamera, Replaced
+from pipeline.data.episode.meta import CLUTTER, Name, NamedCamera, Replaced, camera_name
 from pipeline.data.errors import DominoError
 from pipeline.data.imperfections import DriveErrors, Sensors
 from pipeline.data.names import MOUNTED, RETIRED, SIDES
@@ -26,7 +26,6 @@ from pipeline.data.parsing import FEWEST_PIXELS, MOST_PIXELS
 from .brought import Brought
 from .rules import MOST_CLUTTER, Contact, Layout, Rules, RuleSet, Sight
 from .written import (
-    camera_name,
     check_kind,
     explain,
     read_cameras,

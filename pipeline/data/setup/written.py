@@ -6,7 +6,7 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
-from pipeline.data.episode.meta import NamedCamera
+from pipeline.data.episode.meta import NamedCamera, camera_name
 from pipeline.data.names import CAMERAS
 from pipeline.data.parsing import SHOWN, show_value
 
@@ -50,11 +50,6 @@ def read_textures(value: Any) -> Any:
 
 def read_light(value: Any) -> Any:
     return None if value == "none" else bring_light(value) if isinstance(value, str) else value
-
-
-def camera_name(camera: str | NamedCamera) -> str:
-    """The name in an episode file."""
-    return CAMERAS[camera] if isinstance(camera, str) else camera.name
 
 
 def read_cameras(value: Any) -> Any:

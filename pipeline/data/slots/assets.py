@@ -5,6 +5,7 @@ import json
 import zipfile
 import zlib
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -27,11 +28,11 @@ class AssetError(DominoError):
     """A stored asset that is missing or damaged: one line with the fix."""
 
 
+@dataclass(frozen=True)
 class AssetStore:
     """Assets of a dataset, in files ROOT/<first two digits>/<hash>.npz."""
 
-    def __init__(self, root: Path) -> None:
-        self.root = Path(root)
+    root: Path
 
     def path(self, key: str) -> Path:
         """Where an asset is. Raises AssetError for a key that is no hash."""
@@ -51,7 +52,10 @@ class AssetStore:
         key = _hash(arrays, attributes)
         path = self.path(key)
         if not path.exists():
-            write_atomic(path, _encode(arrays, attributes))
+            data, text = io.BytesIO(), np.frombuffer(canonical(attributes), np.uint8)
+            ordered = {name: arrays[name] for name in sorted(arrays)}
+            np.savez_compressed(data, allow_pickle=False, **{_ATTRIBUTES: text}, **ordered)
+            write_atomic(path, data.getvalue())
         return key
 
     def copy(self, key: str, source: "AssetStore") -> None:
@@ -77,13 +81,6 @@ class AssetStore:
         if _hash(arrays, attributes) != key:
             raise AssetError(f"{path}: its content is not that of its name; remove it: {_FIX}")
         return arrays, attributes
-
-
-def _encode(arrays: Mapping[str, NDArray[Any]], attributes: Any) -> bytes:
-    data, text = io.BytesIO(), np.frombuffer(canonical(attributes), np.uint8)
-    ordered = {name: arrays[name] for name in sorted(arrays)}
-    np.savez_compressed(data, allow_pickle=False, **{_ATTRIBUTES: text}, **ordered)
-    return data.getvalue()
 
 
 def _hash(arrays: Mapping[str, NDArray[Any]], attributes: Any) -> str:

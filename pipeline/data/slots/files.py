@@ -19,7 +19,7 @@ from pipeline.data.parsing import parse_json
 from pipeline.data.reading import read_regular
 from pipeline.data.recipe.cells import Cell, Slot, episode_name
 from pipeline.data.recipe.model import Recipe
-from pipeline.data.store.place import delete, place_of, put
+from pipeline.data.store.place import place_of, put
 
 from .records import FileFacts, SlotRecord, untimed
 
@@ -110,7 +110,7 @@ class Listing:
     def __init__(self, root: Path, recipe: Recipe) -> None:
         self._recipe, place = recipe, place_of(root)
         self._files = list[dict[str, os.DirEntry[str] | int]]()
-        for cell in recipe.cells():
+        for cell in recipe.counts():
             folder = root / cell.path
             files = dict[str, os.DirEntry[str] | int]()
             if place:
@@ -191,11 +191,3 @@ def read_given_up(path: Path, slot: str) -> tuple[SlotKeys, list[dict[str, Any]]
     if values["slot"] != slot or any(row["outcome"] == "accepted" for row in attempts):
         raise ValueError("is not the note that this slot was given up")
     return SlotKeys.from_json(values["keys"]), attempts
-
-
-def remove_given_up(dataset: Paths, slot: Slot) -> None:
-    """Remove the note on a slot that has an episode now. Raises OSError."""
-    path = dataset.file(slot, False)
-    if path.exists() or place_of(path):
-        path.unlink(missing_ok=True)
-        delete(path)

@@ -134,36 +134,32 @@ class Index(AbstractContextManager["Index"]):
             opened.pop_all()
 
     def __exit__(self, *_: object) -> None:
-        self.close()
-
-    def close(self) -> None:
         self._file.close()
+
+    close = __exit__
 
     def add(self, entries: Iterable[tuple[Slot, SlotRecord]]) -> None:
         """Write slots that ended, all or none. Raises ValueError, OSError, DamagedIndex."""
         with _faults(self.path), self._file:
             for slot, record in entries:
-                self._add(slot, record)
-
-    def _add(self, slot: Slot, record: SlotRecord) -> None:
-        file = record.file
-        cell = self._number("cell", _CELL, tuple(vars(slot.cell).values()))
-        keys = self._number("keys", ("text",), (pack_keys(slot, record.keys),))
-        assets = " ".join(str(self._number("asset", ("text",), (key,))) for key in file.assets)
-        place = (cell, slot.index, slot.variant, record.accepted, keys)
-        facts = (bytes.fromhex(record.sha256), file.size, file.changed, file.frames)
-        more = (bytes.fromhex(file.physics_id), assets, record.seconds, record.core_seconds)
-        update = ", ".join(f"{name} = excluded.{name}" for name in _SLOT[3:])
-        [(owner,)] = self._file.execute(
-            f"{_insert('slot', _SLOT)} ON CONFLICT DO UPDATE SET {update} RETURNING id",
-            (*place, *facts, *more),
-        ).fetchall()
-        self._file.execute("DELETE FROM attempt WHERE owner = ?", (owner,))
-        for row in record.attempts:
-            named = row.get("conditions")
-            row = row | {"conditions": None if named is None else json.dumps(named)}
-            values = (owner, *map(row.get, OF_ATTEMPT))
-            self._file.execute(_insert("attempt", ("owner", *OF_ATTEMPT)), values)
+                file = record.file
+                cell = self._number("cell", _CELL, tuple(vars(slot.cell).values()))
+                keys = self._number("keys", ("text",), (pack_keys(slot, record.keys),))
+                numbers = (self._number("asset", ("text",), (key,)) for key in file.assets)
+                place = (cell, slot.index, slot.variant, record.accepted, keys)
+                facts = (bytes.fromhex(record.sha256), file.size, file.changed, file.frames)
+                named = (bytes.fromhex(file.physics_id), " ".join(map(str, numbers)))
+                update = ", ".join(f"{name} = excluded.{name}" for name in _SLOT[3:])
+                [(owner,)] = self._file.execute(
+                    f"{_insert('slot', _SLOT)} ON CONFLICT DO UPDATE SET {update} RETURNING id",
+                    (*place, *facts, *named, record.seconds, record.core_seconds),
+                ).fetchall()
+                self._file.execute("DELETE FROM attempt WHERE owner = ?", (owner,))
+                for row in record.attempts:
+                    failed = row.get("conditions")
+                    row = row | {"conditions": None if failed is None else json.dumps(failed)}
+                    values = (owner, *map(row.get, OF_ATTEMPT))
+                    self._file.execute(_insert("attempt", ("owner", *OF_ATTEMPT)), values)
 
     def _number(self, table: str, columns: Sequence[str], values: tuple[Any, ...]) -> int:
         """The number of a row that slots share, added if it is new."""
@@ -181,7 +177,7 @@ class Index(AbstractContextManager["Index"]):
 
     def rows(self, recipe: Recipe, *more: str, of: Slot | None = None) -> Rows:
         """The slots of a recipe that are there, or `of` one, with more columns of their table."""
-        cells = recipe.cells()
+        cells = list(recipe.counts())
         wanted = [
             (rank, count, *vars(cell).values())
             for rank, (cell, count) in enumerate(recipe.counts().items())

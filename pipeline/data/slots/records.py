@@ -9,7 +9,7 @@ from typing import Any
 import pyarrow as pa
 
 from pipeline.data.keys import Key, SlotKeys, canonical, digest
-from pipeline.data.recipe.cells import Slot
+from pipeline.data.recipe.cells import Slot, episode_name
 
 ATTEMPTS = pa.schema(
     [
@@ -79,15 +79,13 @@ class SlotRecord:
     file: FileFacts = field(default_factory=FileFacts)
 
 
-def _is_empty(value: Any) -> bool:
-    """Whether a column holds nothing; numbers may be NumPy's."""
-    return value is None or (isinstance(value, str | list) and not value)
-
-
 def untimed(attempts: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """Attempts without clock times or what the slot states."""
+    """Attempts without clock times, empty columns, or what the slot states."""
+    names = [name for name in OF_ATTEMPT if name != TIMED]
+    # numbers may be NumPy's
+    empty = (type(None), str, list)
     return [
-        {name: row[name] for name in OF_ATTEMPT if name != TIMED and not _is_empty(row.get(name))}
+        {n: row[n] for n in names if row.get(n) or not isinstance(row.get(n), empty)}
         for row in attempts
     ]
 
@@ -106,7 +104,7 @@ def retimed(
 
 def slot_part(slot: Slot) -> str:
     """The part of the physics key that names the slot."""
-    return digest([slot.physical.path, slot.cell.alpha])
+    return digest([f"{slot.cell.path}/{episode_name(slot.index)}", slot.cell.alpha])
 
 
 def pack_keys(slot: Slot, keys: SlotKeys) -> str:

@@ -7,8 +7,8 @@ from typing import Any, Literal
 from pydantic.dataclasses import dataclass
 
 from pipeline.data.actions import JOINTS, Representation
+from pipeline.data.episode.meta import camera_name
 from pipeline.data.setup import INTERFACE, RecipeError, Setup, option_of
-from pipeline.data.setup.written import camera_name
 from pipeline.evaluate.lines import line_of_text
 
 from .policy import LONGEST_CHUNK, Policy, PolicyError, Start, attribute

@@ -9,11 +9,11 @@ from numpy.typing import ArrayLike
 from pipeline.planning.failure import PlanFailure
 from pipeline.planning.planner import ArmPlanner
 from pipeline.planning.trajectory import ArmTrajectory
-from pipeline.poses import Floats, Pose
+from pipeline.poses import Floats, Pose, lifted
 
 from ..actor import Actor, Steps, skill
 from ..budgets import MOVE, SPEEDS
-from ..candidates import backed_off, hand_poses, lifted
+from ..candidates import backed_off, hand_poses
 
 _STEP_OFF_DIRECTIONS = ((0, 0, 1), (0, -1, 0), (1, 0, 0), (-1, 0, 0), (0, 1, 0))
 

@@ -10,11 +10,11 @@ from pipeline.planning.budgets import MARGINS
 from pipeline.planning.failure import PlanFailure
 from pipeline.planning.path import between, ending_clear, first_touch
 from pipeline.planning.planner import ArmPlanner
-from pipeline.poses import Floats, Pose, compose, frame, inverse, pose, yawed
+from pipeline.poses import Floats, Pose, compose, frame, inverse, lifted, pose, yawed
 
 from ..actor import Actor, Steps, skill
 from ..budgets import PLACE, PRESS, SPEEDS, TIMING
-from ..candidates import backed_off, hand_poses, lifted
+from ..candidates import backed_off, hand_poses
 from .hand import fingertip_reach, wider
 
 ROUND = tuple(np.arange(0, 2 * np.pi, np.pi / 6).tolist())  # yaws of a body for any direction

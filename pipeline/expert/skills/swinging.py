@@ -10,11 +10,11 @@ from numpy.typing import ArrayLike
 from pipeline.planning.failure import PlanFailure
 from pipeline.planning.path import IsFree
 from pipeline.planning.planner import ArmPlanner
-from pipeline.poses import Floats, Pose, quat_about, quat_multiply, quat_rotate
+from pipeline.poses import Floats, Pose, lifted, quat_about, quat_multiply, quat_rotate
 
 from ..actor import Actor, Steps, skill
 from ..budgets import SPEEDS, SWING
-from ..candidates import hand_poses, lifted
+from ..candidates import hand_poses
 
 
 @dataclass(frozen=True, eq=False)

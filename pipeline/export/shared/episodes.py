@@ -18,7 +18,7 @@ from pipeline.data.episode.meta import EpisodeMeta
 from pipeline.data.episode.state_log import StateLog
 from pipeline.data.errors import DominoError
 from pipeline.data.names import SIDES, exported_names
-from pipeline.data.process.own_code import directories
+from pipeline.data.process.machine import directories
 from pipeline.data.slots import select
 from pipeline.data.spec import EpisodeSpec
 from pipeline.poses import Floats, compose, inverse

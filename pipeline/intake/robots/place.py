@@ -96,7 +96,7 @@ def solve(
     arm = robot.arms["left"]
     chain = chain_of(arm)
     free = CollisionWorld(robot).with_objects(margin=0.0).free("left", robot.arms["right"].home)
-    q, done = np.zeros((len(cells), chain.dof)), np.zeros(len(cells), bool)
+    q, done = np.zeros((len(cells), len(chain.home))), np.zeros(len(cells), bool)
     for azimuth in scan.azimuths:
         if not len(left := np.flatnonzero(~done)):
             break
@@ -153,7 +153,7 @@ def _blocks_view(arm: Arm, q: Floats, point: Floats) -> tuple[bool, bool]:
 def find_site(arm: Arm) -> Embodiment | None:
     """Two of an arm at rest, at the place of PLACES that reaches most of the table, or None."""
     chain = chain_of(replace(arm, base=pose()))
-    q = np.random.default_rng(0).uniform(chain.lower, chain.upper, (SAMPLES, chain.dof))
+    q = np.random.default_rng(0).uniform(chain.lower, chain.upper, (SAMPLES, len(chain.home)))
     tools = fk_batch(chain, q)
     yaw = np.pi / 2 - _forward(tools)
     ranked = sorted(PLACES, key=lambda place: -_sample_reach(tools, place, yaw))
@@ -165,7 +165,11 @@ def find_site(arm: Arm) -> Embodiment | None:
             continue
         arms = {s: replace(a, home=tuple(homes[s].tolist())) for s, a in robot.arms.items()}
         robot = replace(robot, arms=arms)
-        score = measure(robot, COARSE).score if chain.dof >= 6 else _sample_reach(tools, place, yaw)
+        score = (
+            measure(robot, COARSE).score
+            if len(chain.home) >= 6
+            else _sample_reach(tools, place, yaw)
+        )
         if best is None or score > best[0]:
             best = score, robot
     return None if best is None else best[1]
@@ -210,7 +214,7 @@ def _free_homes(robot: Embodiment, side: str, q: Floats, tools: Floats) -> list[
 
 
 def _home_candidates(chain: Chain, x: float, q: Floats, tools: Floats) -> Floats:
-    if chain.dof >= 6:
+    if len(chain.home) >= 6:
         poses = [
             targets(z - TABLE_TOP, pitch, 0.0, np.array([[x * 0.85 + dx, y]]))
             for dx, y, z, pitch in HOMES
@@ -227,7 +231,7 @@ def overlaps(arm: Arm) -> dict[tuple[str, str], float]:
     """Share of random configurations in which unjoined links touch."""
     robot = stood(arm, (FAR, 0.0, 0.0), 0.0, arm.home)
     chain = chain_of(robot.arms["left"])
-    rows = np.random.default_rng(1).uniform(chain.lower, chain.upper, (40, chain.dof))
+    rows = np.random.default_rng(1).uniform(chain.lower, chain.upper, (40, len(chain.home)))
     world = CollisionWorld(robot, ())
     scene = world.with_objects(margin=0.0)
     other = (chain.lower + chain.upper) / 2

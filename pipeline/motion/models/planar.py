@@ -203,8 +203,7 @@ class Planar:
     version = 1
     levels = described("constant velocity", "polynomial", "two or three abrupt segments")
 
-    def draw(self, asked: MotionRequest, streams: Streams) -> PlanarMotion:
-        return draw_motion(asked, streams)
+    draw = staticmethod(draw_motion)
 
     def stand(self, asked: MotionRequest, streams: Streams) -> PlanarMotion:
         return PlanarMotion.still(asked.end_pose, asked.duration, asked.lead)

@@ -1,4 +1,7 @@
-"""Hashes of the package's files; imports no simulator."""
+"""Hashes of the files that can change an episode; imports no simulator.
+
+Comments, docstrings and line breaks change no hash.
+"""
 
 import ast
 import hashlib
@@ -10,6 +13,9 @@ from pathlib import Path
 
 import pipeline
 from pipeline.data.keys import digest
+from pipeline.plugins import directories, outside_modules
+
+PACKAGE = Path(next(iter(pipeline.__path__)))
 
 REGISTERED = ("tasks/library", "world/objects/families", "motion/models")
 LANGUAGE = ("tasks/language", "world/objects/words.py")
@@ -21,6 +27,14 @@ CORE = (
 )
 NOT_CORE = (*REGISTERED, *LANGUAGE, *OF_DRAWING)
 PHYSICS_PACKAGES = ("manifold3d", "numba", "numpy", "sapien", "scipy", "trimesh")
+SHADERS = ("world/drawing/shaders",)
+DRAWING = (
+    *OF_DRAWING,
+    *("world/cameras.py", "world/files.py", "world/shapes.py", "poses.py"),
+    *("data/setup/brought.py", "data/cameras.py"),
+    *("data/imperfections.py", "data/episode/visuals.py"),
+)
+DRAWING_PACKAGES = ("numba", "numpy", "opencv-python-headless", "sapien")
 
 _STATED_TEXT = re.compile(
     r"""Expr\(value=Constant\(value=('(?:[^'\\]|\\.)*'|"(?:[^"\\]|\\.)*")\)\)(, )?"""
@@ -28,14 +42,25 @@ _STATED_TEXT = re.compile(
 """A statement that is a text, as `ast.dump` writes it."""
 
 
-def package_root() -> Path:
-    """Directory of the package."""
-    return Path(next(iter(pipeline.__path__)))
+def code_version() -> str:
+    """One hash of all that can change any slot: our code, robots and packages, and extensions."""
+    outside = [*outside_modules().values()]
+    for folder in directories():
+        outside += [*files_below(folder / "robots"), *files_below(folder / "objects")]
+    own = hash_files(PACKAGE, (*CORE, *DRAWING, "assets"))
+    extensions = sorted([path.name, hash_file(path)] for path in outside)
+    return digest([own, extensions, versions((*PHYSICS_PACKAGES, *DRAWING_PACKAGES))])
 
 
-def shared_physics(root: Path) -> dict[str, str]:
+def policy_version() -> str:
+    """A hash of the code by which policies act, are corrected and are scored."""
+    return hash_files(PACKAGE, ("evaluate",), ("evaluate/templates",))
+
+
+def shared_physics(root: Path | None = None) -> dict[str, str]:
     """The parts of a physics key that are the same for every slot."""
-    return {"core": hash_files(root, CORE, NOT_CORE), "packages": versions(PHYSICS_PACKAGES)}
+    own = hash_files(root or PACKAGE, CORE, NOT_CORE)
+    return {"core": own, "packages": versions(PHYSICS_PACKAGES)}
 
 
 @cache

@@ -1,10 +1,13 @@
 """One slot: attempts until one is accepted, images, file."""
 
+import faulthandler
 import os
+import sys
 import time
+import traceback
 from collections import deque
-from collections.abc import Callable, Generator, Mapping
-from contextlib import suppress
+from collections.abc import Generator, Iterator, Mapping
+from contextlib import contextmanager, redirect_stderr, redirect_stdout, suppress
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -16,12 +19,13 @@ from pipeline.data.episode.file import EpisodeError
 from pipeline.data.episode.visuals import LOOK
 from pipeline.data.intact import is_intact
 from pipeline.data.keys import SlotKeys
+from pipeline.data.process.machine import trim
 from pipeline.data.recipe.model import Recipe, Slot
-from pipeline.data.slots.files import remove_given_up, write_given_up
+from pipeline.data.slots.files import write_given_up
 from pipeline.data.slots.records import SlotRecord, untimed
 from pipeline.data.store.place import place_of
-from pipeline.memory import trim
-from pipeline.run.identity.slot_keys import code_version, slot_keys
+from pipeline.run.identity.core import code_version
+from pipeline.run.identity.slot_keys import RecipeKeys
 from pipeline.run.state import IMAGES, SENTENCES, SlotState
 from pipeline.stages.attempt import attempt
 from pipeline.stages.drawing.tracks import require_view
@@ -31,7 +35,6 @@ from pipeline.world.drawing.renderer import device_of
 
 from .failures import Failed, keep_failure, keep_last_frames, remove_failures
 from .make import draw, episode_of, renew, send_slot, write
-from .worker_log import worker_log
 
 RENEWAL = -1
 """Stands for the number of an attempt when only images or sentences are made."""
@@ -72,29 +75,21 @@ class FillJob:
         return replace(self, lost=(*self.lost, LostAttempt(attempt, died.reason, died.seconds)))
 
 
-@dataclass(frozen=True)
-class NodeCheck:
-    """Whether a worker's machine reaches the dataset and runs this code."""
-
-    root: str
-    code: str
-    preset: str
-    look: int = LOOK
-
-    def __call__(self) -> dict[str, str]:
-        """Check that all machines agree. Raises DatasetError, StoreError, NoRenderer."""
-        manifest = Dataset(Path(self.root)).manifest
-        place = place_of(manifest)
-        if not (place.store.read(place.name(manifest)) if place else manifest.exists()):
-            raise DatasetError(
-                f"{self.root} is not there: --out must be where all nodes of the cluster reach it"
-            )
-        if self.code != code_version():
-            raise DatasetError(
-                f"runs code {code_version()}, the driver {self.code}: install the same version on"
-                " all nodes"
-            )
-        return {"renderer": device_of(self.preset, self.look)}
+def check_node(root: str, code: str, preset: str, look: int = LOOK) -> dict[str, str]:
+    """Check that a worker's machine reaches the dataset and runs this code; what all machines
+    share. Raises DatasetError, StoreError, NoRenderer.
+    """
+    manifest = Dataset(Path(root)).manifest
+    place = place_of(manifest)
+    if not (place.store.read(place.name(manifest)) if place else manifest.exists()):
+        raise DatasetError(
+            f"{root} is not there: --out must be where all nodes of the cluster reach it"
+        )
+    if code != (own := code_version()):
+        raise DatasetError(
+            f"runs code {own}, the driver {code}: install the same version on all nodes"
+        )
+    return {"renderer": device_of(preset, look)}
 
 
 def demonstrator_of(recipe: Recipe) -> Demonstrator:
@@ -117,17 +112,60 @@ def slot_jobs(dataset: Dataset, recipe: Recipe, todo: Mapping[Slot, SlotState]) 
     return deque(FillJob(root, recipe, slot, records.get(slot)) for slot in todo)
 
 
-def slot_worker() -> Callable[[FillJob], Steps[SlotRecord]]:
-    """What each worker does."""
-    return fill_logged
+class Log:
+    """A log that is being written; it is removed in the end unless it is to be kept."""
+
+    keep = False
 
 
-def fill_logged(job: FillJob) -> Steps[SlotRecord]:
-    """As `fill_in_steps`; keeps logs/ of failed slots."""
+@contextmanager
+def worker_log(path: Path) -> Iterator[Log]:
+    """Append standard output, error and tracebacks (also of fatal signals) to a file. Raises
+    OSError.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    log = Log()
+    with open(path, "a", encoding="utf-8", buffering=1) as file:
+        print(end="", flush=True)
+        kept = [(number, os.dup(number)) for number in (1, 2)]
+        crashes = faulthandler.is_enabled()
+        faulthandler.enable(file)
+        try:
+            for number, _ in kept:
+                os.dup2(file.fileno(), number)
+            # Ray's workers print to files that are not the process's own
+            with redirect_stdout(file), redirect_stderr(file):
+                yield log
+        except Exception as error:
+            log.keep = True
+            traceback.print_exc(file=file)
+            error.add_note(f"log of its worker: {path}")
+            raise
+        finally:
+            print(end="", flush=True)
+            for number, copy in kept:
+                os.dup2(copy, number)
+                os.close(copy)
+            faulthandler.disable()
+            if crashes and sys.__stderr__ is not None:
+                faulthandler.enable(sys.__stderr__)
+    if not log.keep:
+        path.unlink(missing_ok=True)
+        with suppress(OSError):  # other slots have logs there
+            path.parent.rmdir()
+
+
+def fill_slot(job: FillJob) -> SlotRecord:
+    """As `fill_in_steps`, in one."""
+    return result_of(fill_in_steps(job))
+
+
+def fill_in_steps(job: FillJob) -> Steps[SlotRecord]:
+    """Make what is missing of a slot; yield each attempt's number first. Failed slots keep logs."""
     dataset = Dataset(Path(job.root))
     with worker_log(dataset.log(job.slot)) as log:
         print(f"{job.slot.path}, process {os.getpid()}")
-        record = yield from fill_in_steps(job)
+        record = yield from _fill(dataset, job)
         log.keep = not record.accepted or bool(job.lost)
         for row in record.attempts:
             if row["reason"]:
@@ -140,14 +178,8 @@ def fill_logged(job: FillJob) -> Steps[SlotRecord]:
     return record
 
 
-def fill_slot(job: FillJob) -> SlotRecord:
-    """As `fill_in_steps`, in one."""
-    return result_of(fill_in_steps(job))
-
-
-def fill_in_steps(job: FillJob) -> Steps[SlotRecord]:
-    """Make what is missing of a slot; yield each attempt's number first."""
-    dataset, keys = Dataset(Path(job.root)), slot_keys(job.recipe, job.slot)
+def _fill(dataset: Dataset, job: FillJob) -> Steps[SlotRecord]:
+    keys = RecipeKeys(job.recipe).of(job.slot)
     path, old = dataset.episode(job.slot), job.renewing
     # what a worker that was killed, on whatever machine, has left half-written
     for left in path.parent.glob(f".{path.name}.*.tmp"):
@@ -207,6 +239,6 @@ def _from_nothing(
         episode = replace(episode, attempts=untimed([*rows, row]))
         sha, facts = write(dataset.episode(slot), episode, images)
         rows.append({"seconds": time.perf_counter() - began} | row)
-        remove_given_up(dataset, slot)
+        dataset.file(slot, False).unlink(missing_ok=True)
         return SlotRecord(keys, True, sha, tuple(rows), file=facts)
     return write_given_up(dataset, slot, keys, rows)

@@ -199,5 +199,6 @@ def send_slot(dataset: Dataset, slot: Slot, record: SlotRecord) -> None:
     if record.accepted:
         place.put([path])
         path.unlink()
+        place.delete([dataset.file(slot, False)])
     else:
         place.delete([path])

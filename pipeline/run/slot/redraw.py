@@ -18,7 +18,7 @@ from pipeline.data.recipe.model import Recipe, Slot
 from pipeline.data.slots.assets import AssetStore
 from pipeline.data.slots.files import write_given_up
 from pipeline.data.slots.records import FileFacts, SlotRecord, untimed
-from pipeline.run.identity.slot_keys import redrawn_keys
+from pipeline.run.identity.slot_keys import RecipeKeys
 from pipeline.stages.drawing.render import (
     SURFACE,
     keep_images,
@@ -78,7 +78,7 @@ def draw_slot(job: DrawJob) -> SlotRecord | str:
     """
     source, out = Dataset(Path(job.source)), Dataset(Path(job.out))
     began, worked = time.perf_counter(), time.process_time()
-    keys = redrawn_keys(job.recipe, job.slot, job.record.keys)
+    keys = RecipeKeys(job.recipe).redrawn(job.slot, job.record.keys)
     # failed attempts stay with the dataset that made them
     attempts = tuple(
         {k: v for k, v in row.items() if k != "kept"}

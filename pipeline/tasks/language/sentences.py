@@ -135,12 +135,17 @@ class _Filling:
     choices: Mapping[str, str]
 
     def text(self) -> str:
-        return sentence(_SLOT.sub(self._filled, self.template))
-
-    def _filled(self, slot: re.Match[str]) -> str:
-        if slot[1] in self.choices:
-            return self.choices[slot[1]]
-        return " ".join(filter(None, ("the", slot[2], self.fillers[slot[1]])))
+        known = self.choices
+        return sentence(
+            _SLOT.sub(
+                lambda slot: (
+                    known[slot[1]]
+                    if slot[1] in known
+                    else " ".join(filter(None, ("the", slot[2], self.fillers[slot[1]])))
+                ),
+                self.template,
+            )
+        )
 
 
 def _fillings(

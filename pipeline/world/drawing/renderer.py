@@ -1,8 +1,9 @@
 """Draw a state log: a pure function of meshes, poses, cameras and `Visuals`."""
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager
 from functools import partial
-from typing import Any, Self
+from typing import Any
 
 import cv2
 import numpy as np
@@ -50,7 +51,7 @@ def device_of(preset: str, look: int = LOOK) -> str:
     return RASTERISER if is_software(preset, look) else ensure_renderer()
 
 
-class Renderer:
+class Renderer(AbstractContextManager["Renderer"]):
     """A render-only scene. `images` are textures by kind that replace drawn ones. Close it, or use
     it as a context manager.
 
@@ -140,13 +141,7 @@ class Renderer:
             for c in cameras
         ]
 
-    def __enter__(self) -> Self:
-        return self
-
     def __exit__(self, *_: object) -> None:
-        self.close()
-
-    def close(self) -> None:
         """Free the device memory."""
         for scene in self._scenes:
             scene.close()
@@ -154,6 +149,8 @@ class Renderer:
         if self._shadows is not None:
             self._shadows.close()
         self._shadows = None
+
+    close = __exit__
 
     def render(
         self,

@@ -24,7 +24,7 @@ DRIVER = (
 """How to get a Vulkan driver."""
 
 _LARGEST_FILE = 2**30
-"""Bytes of one file that rendering on a CPU may take; 320 x 240 takes 35 MB."""
+"""Bytes of one file of rendering on a CPU, whose memory is files; 320 x 240 takes 35 MB."""
 
 _PROBE = "import sapien; print(sapien.render.get_device_summary())"
 
@@ -60,7 +60,12 @@ def ensure_renderer() -> str:
             raise NoRenderer(f"no Vulkan device, which rt and older looks need: {DRIVER}")
         os.environ["VK_ICD_FILENAMES"] = chosen = str(icd)
     if "lvp" in chosen:
-        _check_file_limit()
+        limit = resource.getrlimit(resource.RLIMIT_FSIZE)[0]
+        if limit != resource.RLIM_INFINITY and limit < _LARGEST_FILE:
+            raise NoRenderer(
+                f"files may be no larger than {limit / 1e6:.0f} MB here, and rendering may need"
+                f" {_LARGEST_FILE / 1e6:.0f}: raise the limit (ulimit -f unlimited)"
+            )
     # 1 means a thread beside the one that submits, which waits for it: without it a frame takes a
     # tenth less of a core.
     if os.environ.get("LP_NUM_THREADS", "1") == "1":
@@ -78,16 +83,6 @@ def _chosen_drivers() -> tuple[str, str, list[bool]]:
     name = "VK_ICD_FILENAMES" if os.environ.get("VK_ICD_FILENAMES") else "VK_DRIVER_FILES"
     chosen = os.environ.get(name, "")
     return name, chosen, [Path(part).exists() for part in chosen.split(os.pathsep) if part]
-
-
-def _check_file_limit() -> None:
-    """Raise NoRenderer for a file size limit below lavapipe's needs: its memory is files."""
-    limit = resource.getrlimit(resource.RLIMIT_FSIZE)[0]
-    if limit != resource.RLIM_INFINITY and limit < _LARGEST_FILE:
-        raise NoRenderer(
-            f"files may be no larger than {limit / 1e6:.0f} MB here, and rendering may need"
-            f" {_LARGEST_FILE / 1e6:.0f}: raise the limit (ulimit -f unlimited)"
-        )
 
 
 def _lavapipe_icd() -> Path | None:

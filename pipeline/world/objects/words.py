@@ -25,7 +25,11 @@ def describe(family: str, noun: str, **facts: str) -> Words:
     known = {name: fact for name, fact in facts.items() if fact}
     splits = list[tuple[str, ...]]()
     for phrases, count in zip(read_phrases(family), (SEEN, UNSEEN), strict=True):
-        true = [english(p.format(**known)) for p in phrases if facts_of(p) <= known.keys()]
+        named = ([name for _, name, _, _ in Formatter().parse(p) if name] for p in phrases)
+        fits = [p for p, names in zip(phrases, named, strict=True) if {*names} <= known.keys()]
+        # single spaces, and "an" before a vowel
+        plain = (" ".join(p.format(**known).split()) for p in fits)
+        true = [re.sub(r"\ba (?=[aeiou])", "an ", text) for text in plain]
         splits.append(tuple(p for p in dict.fromkeys(true) if p not in sum(splits, ()))[:count])
         if len(splits[-1]) < count:
             given = f"gives {len(splits[-1])} phrases for {known}: write at least {count}"
@@ -52,12 +56,3 @@ def two_lists(text: str, where: str) -> tuple[tuple[str, ...], tuple[str, ...]]:
         raise LanguageError(f"{where}: needs a line 'seen', entries, a line 'unseen', entries")
     middle = lines.index("unseen")
     return tuple(lines[1:middle]), tuple(lines[middle + 1 :])
-
-
-def facts_of(phrase: str) -> set[str]:
-    return {name for _, name, _, _ in Formatter().parse(phrase) if name}
-
-
-def english(phrase: str) -> str:
-    """Single spaces, "an" before a vowel."""
-    return re.sub(r"\ba (?=[aeiou])", "an ", " ".join(phrase.split()))

@@ -15,7 +15,15 @@ from sapien.physx import (
 
 from pipeline.data.names import SIDES
 from pipeline.poses import Floats, Pose, compose, matrix, pose
-from pipeline.world.robots.contract import Arm, Gripper, Joint, Link, coupled_value, jaw_positions
+from pipeline.world.robots.contract import (
+    Arm,
+    Gripper,
+    Joint,
+    Link,
+    coupled_value,
+    jaw_positions,
+    root_link,
+)
 
 FRICTION = 1.2
 _DENSITY = 1000.0  # of shapes; masses are those of the links
@@ -63,8 +71,7 @@ def _depth_first(arm: Arm) -> list[str]:
     below: dict[str, list[str]] = {}
     for joint in arm.joints:
         below.setdefault(joint.parent, []).append(joint.child)
-    children = {joint.child for joint in arm.joints}
-    todo = [next(link.name for link in arm.links if link.name not in children)]
+    todo = [root_link(arm)]
     order: list[str] = []
     while todo:
         order.append(todo.pop())

@@ -68,12 +68,12 @@ class Motion(Protocol):
         ...
 
 
+@dataclass(frozen=True, eq=False)
 class StillMotion:
-    def __init__(self, pose: Pose) -> None:
-        self._pose = pose
+    at: Pose
 
     def pose(self, t: ArrayLike) -> Floats:
-        return np.broadcast_to(self._pose, (*np.shape(t), 7))
+        return np.broadcast_to(self.at, (*np.shape(t), 7))
 
     def twist(self, t: ArrayLike) -> Floats:
         return np.zeros((*np.shape(t), 6))

@@ -81,7 +81,7 @@ def add_solid(scene: sapien.Scene, prop: Prop) -> sapien.Entity:
 
 def move_solid(entity: sapien.Entity, to: Pose) -> None:
     """Move a kinematic body in the next step; far moves are immediate and push nothing."""
-    body = rigid_of(entity)
+    body = entity.find_component_by_type(PhysxRigidDynamicComponent)
     if body is None or np.linalg.norm(to[:3] - as_pose(entity.pose)[:3]) > 0.05:
         entity.set_pose(to_sapien(to))
     else:
@@ -110,11 +110,6 @@ def add_slide(
     drive.set_drive_property_swing(*_STIFF)
     drive.set_drive_property_x(0.0, _SLIDE_DAMPING)
     entity.add_component(drive)
-
-
-def rigid_of(entity: sapien.Entity) -> PhysxRigidDynamicComponent | None:
-    """The moving component, None for a fixed body."""
-    return entity.find_component_by_type(PhysxRigidDynamicComponent)
 
 
 def physical(entity: sapien.Entity) -> PhysxRigidBaseComponent:
@@ -185,7 +180,10 @@ class PhysicsScene:
             for b, pose in zip(self.bodies, poses, strict=True)
         }
         self._solid = [(prop, add_solid(self._scene, prop)) for prop in props if prop.solid]
-        self._rigid = {name: rigid_of(entity) for name, entity in self._entities.items()}
+        self._rigid = {
+            name: entity.find_component_by_type(PhysxRigidDynamicComponent)
+            for name, entity in self._entities.items()
+        }
         by_name = {b.name: b for b in self.bodies}
         for b in self.bodies:
             if b.slide is not None:

@@ -198,22 +198,21 @@ class Simulation(PhysicsScene):
         did."""
         command, still, motion = self.home_vector(), np.zeros(len(self.command)), self.motion
         self.motion, self._waiting = StillMotion(motion.pose(_START)), True
+        at_rest = False
         for n in range(PHYSICS_HZ):
             self.step(command, still)
-            if n >= 12 and self._rests():
+            at_rest = all(self.speed(name) < _QUIET for name in self._free)
+            if n >= 12 and at_rest:
                 break
         self.settle_steps, self.steps = self.steps, 0
         self.motion, self._upcoming, self._waiting = motion, self._upcoming[:0], False
         # the clock starts now
         self.events = [e for e in self.events if e.name != "clutter_touched"]
-        return self._rests() and not self.touched_by
+        return at_rest and not self.touched_by
 
     def _still_watched(self) -> set[Any]:
         """The components whose first touch counts."""
         return {*(self._rigid[name] for name in self._beside), *self._untouched, self._moved}
-
-    def _rests(self) -> bool:
-        return all(self.speed(name) < _QUIET for name in self._free)
 
     def _watch(self) -> None:
         """Note the first touch of the target and of distractors; order in `names` decides ties."""
@@ -249,7 +248,8 @@ class Simulation(PhysicsScene):
             if self._after_touch == "stop":
                 self.release()
             elif isinstance(self._after_touch, Hold):
-                self._make_dynamic()
+                self._set_free(self.target, self.motion)
+                self._moved.set_disable_gravity(self._borne)
                 self._drive = Drive(self._moved, self._after_touch)
 
     def release(self) -> None:
@@ -261,14 +261,11 @@ class Simulation(PhysicsScene):
         for name in tuple(self._beside):
             self._let_go(name)
         if self._drive is None:
-            self._make_dynamic()
+            self._set_free(self.target, self.motion)
+            self._moved.set_disable_gravity(self._borne)
         else:
             self._drive.end()
             self._drive = None
-
-    def _make_dynamic(self) -> None:
-        self._set_free(self.target, self.motion)
-        self._moved.set_disable_gravity(self._borne)
 
     def _let_go(self, name: str) -> None:
         self._set_free(name, self._beside.pop(name))

@@ -167,7 +167,8 @@ def arm_poses(arm: Arm, q: ArrayLike, gripper: float = 1.0) -> dict[str, Pose]:
 
 
 def root_link(arm: Arm) -> str:
-    return _roots(arm)[0]
+    moved = {joint.child for joint in arm.joints}
+    return next(link.name for link in arm.links if link.name not in moved)
 
 
 def arm_limits(arm: Arm) -> np.ndarray:
@@ -186,13 +187,9 @@ def check_arm(name: str, side: str, arm: Arm) -> None:
         raise RobotError(f"robot {name!r}, {side} arm: {problem}")
 
 
-def _roots(arm: Arm) -> list[str]:
-    moved = {joint.child for joint in arm.joints}
-    return [link.name for link in arm.links if link.name not in moved]
-
-
 def _tree(arm: Arm) -> Iterator[str]:
-    roots = _roots(arm)
+    moved = {joint.child for joint in arm.joints}
+    roots = [link.name for link in arm.links if link.name not in moved]
     if len(roots) != 1:
         loose = f"links {', '.join(map(repr, roots))} hang on no joint"
         problem = loose if roots else "its joints form a ring"

@@ -14,7 +14,7 @@ from pipeline.data.recipe.model import Recipe, RecipeError
 from pipeline.data.setup.rules import Rules
 from pipeline.data.spec import EpisodeSpec
 from pipeline.intake.objects.draft import ObjectOptions
-from pipeline.run.identity.slot_keys import slot_keys
+from pipeline.run.identity.slot_keys import RecipeKeys
 from pipeline.run.names import resolve
 from pipeline.run.provenance import licences_of
 from pipeline.stages.scene import build_scene
@@ -73,12 +73,14 @@ def test_a_layout_places_the_object_and_the_rules_come_back(cards):
 def test_the_content_of_an_object_counts_where_it_is_used(cards):
     def keys(task: str):
         asked = resolve(recipe(tasks=("move_playingcard_away", "click_bell")))
-        found = slot_keys(asked, Slot(next(cell for cell in asked.cells() if cell.task == task), 0))
+        found = RecipeKeys(asked).of(
+            Slot(next(cell for cell in asked.cells() if cell.task == task), 0)
+        )
         return found.physics.digest, found.render.digest
 
     before, other = keys("move_playingcard_away"), keys("click_bell")
     bare = resolve(Recipe(tasks=("click_bell",)))
-    assert other[0] == slot_keys(bare, Slot(bare.cells()[0], 0)).physics.digest
+    assert other[0] == RecipeKeys(bare).of(Slot(bare.cells()[0], 0)).physics.digest
     (cards / "looks.glb").write_bytes((cards / "looks.glb").read_bytes() + b"    ")
     seen = keys("move_playingcard_away")
     assert seen[0] == before[0] and seen[1] != before[1]

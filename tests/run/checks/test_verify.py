@@ -16,7 +16,8 @@ from pipeline.data.keys import canonical
 from pipeline.run.annotate import annotate
 from pipeline.run.build import build
 from pipeline.run.checks.verify import verify
-from pipeline.run.identity import code, core
+from pipeline.run.identity import core
+from pipeline.run.identity import slot_keys as code
 from tests.run.command import inside
 from tests.synthetic import make_episode
 

@@ -16,8 +16,10 @@ from pipeline.data.recipe.model import Slot
 from pipeline.data.setup.brought import Brought
 from pipeline.data.setup.rules import Corrections, Sight
 from pipeline.data.spec import EpisodeSpec
-from pipeline.run.identity import code, core
-from pipeline.run.identity.slot_keys import code_version, redrawn_keys, slot_keys
+from pipeline.run.identity import core
+from pipeline.run.identity import slot_keys as code
+from pipeline.run.identity.core import code_version
+from pipeline.run.identity.slot_keys import RecipeKeys
 from pipeline.run.names import recipe_from
 from pipeline.stages.failure import Failure
 from pipeline.stages.scene import build_scene
@@ -39,7 +41,7 @@ RECIPE = recipe_from(
 )
 SLOTS = {slot.cell.path: slot for slot in RECIPE.slots()}
 SLOT = next(iter(RECIPE.slots()))
-PACKAGE = core.package_root()
+PACKAGE = core.PACKAGE
 
 ALL = ("",)
 NONE = ()
@@ -109,7 +111,7 @@ EDITS = [
 
 
 def all_keys():
-    return {path: slot_keys(RECIPE, slot) for path, slot in SLOTS.items()}
+    return {path: RecipeKeys(RECIPE).of(slot) for path, slot in SLOTS.items()}
 
 
 @pytest.fixture(scope="module")
@@ -145,7 +147,7 @@ def test_an_edit_makes_only_those_slots_stale_that_it_can_change(
     tmp_path, monkeypatch, package, before, file, text, cells, changed
 ):
     root = edited(package, tmp_path / "pipeline", file, text)
-    monkeypatch.setattr(core, "package_root", lambda: root)
+    monkeypatch.setattr(core, "PACKAGE", root)
     for cell, new in all_keys().items():
         stale = {
             name
@@ -157,7 +159,7 @@ def test_an_edit_makes_only_those_slots_stale_that_it_can_change(
 
 def test_a_copy_of_the_sources_has_the_same_keys(tmp_path, monkeypatch, before):
     shutil.copytree(PACKAGE, tmp_path / "pipeline")
-    monkeypatch.setattr(core, "package_root", lambda: tmp_path / "pipeline")
+    monkeypatch.setattr(core, "PACKAGE", tmp_path / "pipeline")
     assert all_keys() == before
     version = code_version()
     monkeypatch.undo()
@@ -166,16 +168,16 @@ def test_a_copy_of_the_sources_has_the_same_keys(tmp_path, monkeypatch, before):
 
 def test_a_key_says_which_part_changed(tmp_path, monkeypatch, package, before):
     root = edited(package, tmp_path / "pipeline", "assets/robots/aloha-agilex/robot.toml", DOC)
-    monkeypatch.setattr(core, "package_root", lambda: root)
+    monkeypatch.setattr(core, "PACKAGE", root)
     path = SLOT.cell.path
-    assert slot_keys(RECIPE, SLOT).physics.changed(before[path].physics) == ["robot"]
+    assert RecipeKeys(RECIPE).of(SLOT).physics.changed(before[path].physics) == ["robot"]
 
 
 def test_a_package_whose_numbers_matter_is_a_part(monkeypatch, before):
     monkeypatch.setattr(core, "version", lambda name: "9.9" if name == "sapien" else "1")
     for cached in (core.versions, code.cell_code, code.drawing_code):
         cached.cache_clear()
-    changed = slot_keys(RECIPE, SLOT).physics.changed(before[SLOT.cell.path].physics)
+    changed = RecipeKeys(RECIPE).of(SLOT).physics.changed(before[SLOT.cell.path].physics)
     for cached in (core.versions, code.cell_code, code.drawing_code):
         cached.cache_clear()
     assert changed == ["packages"]
@@ -327,7 +329,7 @@ NO_KEYS = {
     ],
 )
 def test_each_key_of_a_recipe_changes_what_it_decides(values, changed):
-    old, new = slot_keys(RECIPE, SLOT), slot_keys(RECIPE.model_copy(update=values), SLOT)
+    old, new = RecipeKeys(RECIPE).of(SLOT), RecipeKeys(RECIPE.model_copy(update=values)).of(SLOT)
     assert {
         name
         for name in ("physics", "render", "language")
@@ -343,21 +345,21 @@ def test_every_key_of_a_recipe_is_in_that_table():
 def test_variants_differ_in_their_images_alone():
     drawn = RECIPE.model_copy(update={"visuals": "randomized", "variants": 3})
     slots = [replace(SLOT, variant=v) for v in range(3)]
-    found = [slot_keys(drawn, slot) for slot in slots]
+    found = [RecipeKeys(drawn).of(slot) for slot in slots]
     assert len({k.render.digest for k in found}) == 3
     assert len({(k.physics.digest, k.language.digest) for k in found}) == 1
     other = drawn.model_copy(update={"visual_seed": 1})
-    assert slot_keys(other, SLOT).render.changed(found[0].render) == ["recipe"]
+    assert RecipeKeys(other).of(SLOT).render.changed(found[0].render) == ["recipe"]
 
 
 def test_what_is_drawn_again_has_the_keys_of_a_build(before, monkeypatch):
     drawn = RECIPE.model_copy(update={"depth": True, "visuals": "randomized", "variants": 2})
     slot = replace(SLOT, variant=1)
-    assert redrawn_keys(drawn, slot, before[SLOT.cell.path]) == slot_keys(drawn, slot)
+    assert RecipeKeys(drawn).redrawn(slot, before[SLOT.cell.path]) == RecipeKeys(drawn).of(slot)
     # without its task, its robot and its families
     for name in ("TASKS", "FAMILIES", "MODELS"):
         monkeypatch.setattr(code, name, {})
-    assert redrawn_keys(RECIPE, SLOT, before[SLOT.cell.path]) == before[SLOT.cell.path]
+    assert RecipeKeys(RECIPE).redrawn(SLOT, before[SLOT.cell.path]) == before[SLOT.cell.path]
 
 
 @pytest.mark.parametrize(
@@ -382,11 +384,11 @@ def test_only_what_draws_makes_a_drawing_stale(
     root = edited(
         package, tmp_path / "pipeline", file, CODE if file.endswith(".py") else "void main() {}"
     )
-    monkeypatch.setattr(core, "package_root", lambda: root)
+    monkeypatch.setattr(core, "PACKAGE", root)
     source = before[SLOT.cell.path]
-    assert redrawn_keys(RECIPE, SLOT, source).render.changed(source.render) == changed
+    assert RecipeKeys(RECIPE).redrawn(SLOT, source).render.changed(source.render) == changed
 
 
 def test_slots_have_keys_of_their_own():
     slots = [*RECIPE.slots(), Slot(SLOT.cell, 1), replace(SLOT, cell=replace(SLOT.cell, alpha=0.2))]
-    assert len({slot_keys(RECIPE, slot).physics.digest for slot in slots}) == len(slots)
+    assert len({RecipeKeys(RECIPE).of(slot).physics.digest for slot in slots}) == len(slots)

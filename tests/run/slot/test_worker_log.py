@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-from pipeline.run.slot.worker_log import worker_log
+from pipeline.run.slot.fill import worker_log
 
 
 def test_a_log_of_what_went_well_is_removed(tmp_path, capfd):
@@ -43,7 +43,7 @@ def test_an_error_leaves_its_traceback(tmp_path):
 
 def test_a_crash_leaves_where_it_happened(tmp_path):
     code = (
-        "import os, signal\nfrom pathlib import Path\nfrom pipeline.run.slot.worker_log import"
+        "import os, signal\nfrom pathlib import Path\nfrom pipeline.run.slot.fill import"
         f" worker_log\nwith worker_log(Path({str(tmp_path / 'a.log')!r})):\n   "
         " os.kill(os.getpid(), signal.SIGSEGV)\n"
     )

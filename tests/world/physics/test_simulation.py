@@ -13,12 +13,12 @@ import pytest
 
 from pipeline.data.episode.state_log import CONTACT_DTYPE
 from pipeline.expert.actor import Actor
-from pipeline.expert.candidates import lifted
 from pipeline.expert.skills import grasp, lift, open_
 from pipeline.motion.models.turntable import Turntable
 from pipeline.motion.pace import Pace
 from pipeline.motion.planar import PlanarMotion, Segment
 from pipeline.poses import (
+    lifted,
     quat_about,
     quat_conjugate,
     quat_multiply,

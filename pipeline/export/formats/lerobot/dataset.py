@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.data.process.machine import freeze_garbage
 from pipeline.data.spec import EpisodeSpec
 from pipeline.export.exporter import Exporter, Job
 from pipeline.export.shared.draft import ExportDraft
@@ -16,7 +17,6 @@ from pipeline.export.shared.episodes import EPISODES, FAILURES, Facts, exported_
 from pipeline.export.shared.record import write_card, write_json
 from pipeline.export.shared.statistics import Stats, image_stats, vector_stats
 from pipeline.export.shared.tables import Provenance
-from pipeline.memory import freeze_garbage
 
 from .format import (
     TEXT_FEATURES,

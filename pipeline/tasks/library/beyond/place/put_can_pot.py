@@ -1,5 +1,4 @@
 from pipeline.expert.actor import Actor, Skills
-from pipeline.expert.candidates import lifted
 from pipeline.expert.scripts import let_go
 from pipeline.expert.skills import (
     ROUND,
@@ -13,6 +12,7 @@ from pipeline.expert.skills import (
     resting_poses,
     track,
 )
+from pipeline.poses import lifted
 from pipeline.tasks.contract import ANY_YAW, Bodies, Draw, Limit, Task, by_name, register
 from pipeline.tasks.outcome import Outcome, within
 

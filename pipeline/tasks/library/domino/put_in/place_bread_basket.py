@@ -1,11 +1,11 @@
 import numpy as np
 
 from pipeline.expert.actor import Actor, Skills
-from pipeline.expert.candidates import leading_grasps, lifted
+from pipeline.expert.candidates import leading_grasps
 from pipeline.expert.regrasping import place_or_regrasp, regrasp
 from pipeline.expert.skills import ROUND, grasp, in_turn, lift, open_, resting_poses
 from pipeline.motion.workspace import Workspace
-from pipeline.poses import Pose
+from pipeline.poses import Pose, lifted
 from pipeline.tasks.contract import ANY_YAW, Bodies, Draw, Limit, Task, by_name, register
 from pipeline.tasks.outcome import Outcome, within
 

@@ -3,7 +3,7 @@ from itertools import product
 import numpy as np
 
 from pipeline.expert.actor import Actor, Skills
-from pipeline.expert.candidates import hand_poses, lifted
+from pipeline.expert.candidates import hand_poses
 from pipeline.expert.skills import (
     ROUND,
     carry,
@@ -15,7 +15,7 @@ from pipeline.expert.skills import (
     resting_poses,
     retreat,
 )
-from pipeline.poses import Pose, compose, yawed
+from pipeline.poses import Pose, compose, lifted, yawed
 from pipeline.tasks.contract import (
     Bodies,
     Draw,

@@ -1,7 +1,6 @@
 import numpy as np
 
 from pipeline.expert.actor import Actor, Skills
-from pipeline.expert.candidates import lifted
 from pipeline.expert.skills import (
     grasp,
     home,
@@ -14,7 +13,7 @@ from pipeline.expert.skills import (
     together,
 )
 from pipeline.motion.workspace import Workspace
-from pipeline.poses import compose, inverse, pose, transform
+from pipeline.poses import compose, inverse, lifted, pose, transform
 from pipeline.tasks.contract import (
     Bodies,
     Draw,

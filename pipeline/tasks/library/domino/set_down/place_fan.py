@@ -1,9 +1,9 @@
 import numpy as np
 
 from pipeline.expert.actor import Actor, Skills
-from pipeline.expert.candidates import lifted
 from pipeline.expert.regrasping import place_or_regrasp, regrasp
 from pipeline.expert.skills import grasp, lift, resting_poses
+from pipeline.poses import lifted
 from pipeline.tasks.contract import Bodies, Draw, Limit, Region, by_name, register
 
 from .set_down import SetDown

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.memory import freeze_garbage, trim
+from pipeline.data.process.machine import freeze_garbage, trim
 
 
 def test_a_block_looks_at_new_objects_only():
