@@ -15,6 +15,7 @@ from pipeline.data.slots.assets import AssetStore
 from pipeline.motion.models import MODELS, motion_from_json
 from pipeline.motion.recorded import TRACKS, Interception, conditions_of, physics_arrays
 from pipeline.poses import compose
+from pipeline.run.slot.make import sentences
 from pipeline.run.slot.redraw import cached_parts
 from pipeline.stages.drawing.render import body_poses, stored_appearance
 from pipeline.stages.drawing.tracks import track_arrays
