@@ -78,7 +78,9 @@ def test_what_is_held_is_what_travels_with_the_hand(facts, travel, wanted):
     path[:, 2] += travel * log.times
     hands = np.stack([path, path + np.array([1.0, 0, 0, 0, 0, 0, 0])], axis=1)
     rows = np.array([(f, 0, 2, 0.1, (0, 0, 0), 1) for f in range(4, len(log))], CONTACT_DTYPE)
-    found = interception(replace(facts, target=path, log=replace(log, tcp=hands, contacts=rows)))
+    poses = log.poses.copy()
+    poses[:, log.bodies.index(facts.meta.target)] = path
+    found = interception(replace(facts, log=replace(log, poses=poses, tcp=hands, contacts=rows)))
     # frames 4, 5 and 6 fill the window of 0.2 s
     assert found.held[:, 0].tolist() == [False] * 6 + [wanted] * 7
     assert not found.held[:, 1].any()
