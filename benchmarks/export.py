@@ -257,7 +257,7 @@ def by_lerobot(paths: list[Path], root: Path) -> None:
         with reading(path) as file:
             facts = read_facts(file, root)
             names = names or exported_cameras(facts, {})
-            columns = data_columns(facts, names, 0, 0, 0)
+            columns = data_columns(facts, names, 0, 0, {})
             if writer is None:
                 given = {
                     n: f

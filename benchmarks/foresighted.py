@@ -9,10 +9,9 @@ import numpy as np
 
 from pipeline.data.names import SIDES
 from pipeline.data.setup.rules import Sight
-from pipeline.expert.reactive.actor import KEPT, ReactiveActor
+from pipeline.expert.reactive.actor import KEPT, Attended, ReactiveActor
 from pipeline.expert.reactive.prediction import TargetFilter
 from pipeline.motion.contract import TargetMotion
-from pipeline.motion.workspace import Workspace
 from pipeline.poses import Pose
 from pipeline.stages.dry_run import DryRun
 from pipeline.stages.failure import failing_as
@@ -47,9 +46,9 @@ class Foresight(TargetFilter):
 class ForesightedActor(ReactiveActor):
     """The reactive expert with the target's true future: it does all else alike."""
 
-    def attend(self, sight: Sight, workspace: Workspace, rng: np.random.Generator) -> None:
+    def attend(self, sight: Sight, task: Attended, rng: np.random.Generator) -> None:
         """Begin to look at the target, whose sightings only count after the touch."""
-        super().attend(sight, workspace, rng)
+        super().attend(sight, task, rng)
         self._future = Foresight(self.simulation)
         self._future.see(self.simulation.time, self.simulation.pose(self.simulation.target))
         self.track = self._future
@@ -71,7 +70,7 @@ class Foresighted(ReactiveDemonstrator):
         actor = scene.start(motion, fps, REACT, ForesightedActor)
         actor.recorder.watched = SIDES
         with failing_as(REACT, actor):
-            actor.attend(self.sight, scene.task.workspace, scene.spec.rng("sight"))
+            actor.attend(self.sight, scene.task, scene.spec.rng("sight"))
             actor.meet(scene.task.meet)
             return finish(scene, actor, REACT)
 
