@@ -208,7 +208,7 @@ def _leads_to(
     holding = arm.within(arm.scene.holding(name, carried))
     others = [(name, other) for other in (*holding.scene.obstacles, "table")]
     free = holding.checker(others, jaws=jaws, margin=MARGINS.contact)
-    hands, seeds = compose(bodies, inverse(carried.pose)[None]), np.stack([q, arm.home])
+    hands, seeds = compose(bodies, inverse(carried.pose)[None]), np.stack([q, arm.chain.home])
     for some in np.split(hands, range(GRASP.goal_batch, len(hands), GRASP.goal_batch)):
         at, ok = arm.solve(some, seeds)
         for k in np.flatnonzero(ok):

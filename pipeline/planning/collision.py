@@ -260,7 +260,14 @@ class CollisionScene:
 
     def first_blocked(self, q_left: ArrayLike, q_right: ArrayLike, jaws: Jaws = OPEN) -> int | None:
         """First colliding row of joint rows (K,n), or None. A single (n,) stands still."""
-        frames, rows = self.world.frames, self._rows(q_left, q_right, jaws)
+        columns: list[Floats] = []
+        for side, q, value in zip(SIDES, (q_left, q_right), jaws, strict=True):
+            if side in self.world.arms:
+                jaw = jaw_positions(self.world.arms[side].gripper, value)
+                columns += [np.asarray(q, float), jaw]
+        count = max(c.size // c.shape[-1] for c in columns)
+        rows = np.hstack([np.broadcast_to(c, (count, c.shape[-1])) for c in columns])
+        frames = self.world.frames
         chain = frames.parent, frames.origin, frames.prismatic
         row, _ = first_contact(*chain, tuple(self.pieces), tuple(self.pairs), rows)
         return None if row < 0 else row
@@ -271,12 +278,3 @@ class CollisionScene:
         if side == "left":
             return lambda q: self.first_blocked(q, other, jaws) is None
         return lambda q: self.first_blocked(other, q, jaws) is None
-
-    def _rows(self, q_left: ArrayLike, q_right: ArrayLike, jaws: Jaws) -> Floats:
-        columns: list[Floats] = []
-        for side, q, value in zip(SIDES, (q_left, q_right), jaws, strict=True):
-            if side in self.world.arms:
-                jaw = jaw_positions(self.world.arms[side].gripper, value)
-                columns += [np.asarray(q, float), jaw]
-        count = max(c.size // c.shape[-1] for c in columns)
-        return np.hstack([np.broadcast_to(c, (count, c.shape[-1])) for c in columns])

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from pipeline.data.names import SIDES
 from pipeline.poses import Floats, Pose, transform
 from pipeline.world.robots import get_embodiment
-from pipeline.world.robots.contract import Arm, Embodiment
+from pipeline.world.robots.contract import Embodiment
 
 from .budgets import DETOURS, LIMITS, MARGINS
 from .collision import Carried, CollisionWorld, PlanningScene, Sees
@@ -52,7 +52,13 @@ class Planner:
         self.embodiment = embodiment
         self.chains = {side: chain_of(arm) for side, arm in embodiment.arms.items()}
         self.world = CollisionWorld(embodiment)
-        self.limits = {side: _motion_limits(arm) for side, arm in embodiment.arms.items()}
+        self.limits = dict[str, MotionBounds]()
+        for side, arm in embodiment.arms.items():
+            own = {joint.name: joint.velocity for joint in arm.joints}
+            fastest = np.array([LIMITS.speed_share * own[name] for name in arm.arm_joints])
+            acceleration = np.full(len(fastest), min(arm.acceleration, LIMITS.acceleration))
+            speed = np.minimum(fastest, LIMITS.speed)
+            self.limits[side] = MotionBounds(speed, fastest, acceleration)
 
     def split(self, vector: Floats) -> dict[str, tuple[Floats, float]]:
         """Arm joints (n,) and gripper value per side."""
@@ -115,10 +121,6 @@ class ArmPlanner:
     def chain(self) -> Chain:
         return self.planner.chains[self.side]
 
-    @property
-    def home(self) -> Floats:
-        return self.chain.home
-
     def within(self, scene: PlanningScene) -> "ArmPlanner":
         return replace(self, scene=scene)
 
@@ -134,7 +136,7 @@ class ArmPlanner:
         self, targets: Floats, seeds: Floats | None = None
     ) -> tuple[Floats, NDArray[np.bool_]]:
         """Joints (N,n) of tcp poses (N,7) and which were reached (N,), from seeds (M,n)."""
-        seeds = np.stack([self.q, self.home]) if seeds is None else seeds
+        seeds = np.stack([self.q, self.chain.home]) if seeds is None else seeds
         return ik_many(self.chain, targets, seeds)
 
     def line(self, q0: Floats, goal: Pose) -> Floats | None:
@@ -235,13 +237,6 @@ class ArmPlanner:
             raise PlanFailure("line_unreachable", f"the {self.side} arm cannot go straight there")
         length = float(np.linalg.norm(goal[:3] - self.fk(self.q)[:3]))
         return self.timed(path, minimum=length / metres_per_second, speed_scale=speed_scale)
-
-
-def _motion_limits(arm: Arm) -> MotionBounds:
-    own = {j.name: j.velocity for j in arm.joints}
-    fastest = np.array([LIMITS.speed_share * own[n] for n in arm.arm_joints])
-    acceleration = np.full(len(fastest), min(arm.acceleration, LIMITS.acceleration))
-    return MotionBounds(np.minimum(fastest, LIMITS.speed), fastest, acceleration)
 
 
 @lru_cache(maxsize=4)

@@ -59,13 +59,23 @@ def time_parameterise(
     v, a = np.asarray(velocity, float), np.asarray(acceleration, float)
     if not (np.isfinite(corners).all() and (v > 0).all() and (a > 0).all()):
         raise PlanFailure("time_parameterisation", "waypoints must be finite and limits positive")
-    corners = _without_repeats(corners)
+    kept = [corners[0]]  # without repeats
+    for corner in corners[1:]:
+        if np.abs(corner - kept[-1]).max() > LIMITS.same:
+            kept.append(corner)
+    if len(kept) > 1:
+        kept[-1] = corners[-1]
+    corners = np.array(kept)
     if len(corners) == 1:
         rows = _rows(minimum_duration) if minimum_duration > 0 else 1
         return Trajectory(np.repeat(corners, rows, axis=0), np.zeros((rows, len(corners[0]))))
     if len(corners) == 2:
-        return _trapezoid(corners[0], corners[1], v, a, minimum_duration)
-    return _along(RoundedPolyline(corners, deviation), corners, v, a, minimum_duration)
+        q, qd = _trapezoid(corners[0], corners[1], v, a, minimum_duration)
+    else:
+        q, qd = _along(RoundedPolyline(corners, deviation), corners, v, a, minimum_duration)
+    q[0], q[-1] = corners[0], corners[-1]
+    qd[0] = qd[-1] = 0.0
+    return Trajectory(q, qd)
 
 
 def smoothed(rows: Floats, before: Floats) -> Floats:
@@ -126,17 +136,14 @@ class RoundedPolyline:
             return self.base[k] + t * (self.slope[k] + t * self.bend[k])
         return self.slope[k] + 2 * t * self.bend[k] if order == 1 else 2 * self.bend[k]
 
-    def grid(self, spacing: float = LIMITS.grid) -> Floats:
-        """Knots and points, at least three a piece: a bend may force a stop at both knots."""
-        spans = pairwise(self.knots.tolist())
-        pieces = [np.linspace(a, b, 5 + int((b - a) / spacing))[1:] for a, b in spans]
-        return np.concatenate([self.knots[:1], *pieces])
-
 
 def _along(
     path: RoundedPolyline, corners: Floats, v: Floats, a: Floats, minimum: float
-) -> Trajectory:
-    s = path.grid()
+) -> tuple[Floats, Floats]:
+    # at least three points a piece: a bend may force a stop at both knots
+    spans = pairwise(path.knots.tolist())
+    pieces = [np.linspace(p, q, 5 + int((q - p) / LIMITS.grid))[1:] for p, q in spans]
+    s = np.concatenate([path.knots[:1], *pieces])
     x = fastest(s, path(s, 1), path(0.5 * (s[:-1] + s[1:]), 2), v, a)
     speeds, accelerations = np.sqrt(x), np.diff(x) / (2 * np.diff(s))
     if not (speeds[1:-1] > 0).all():
@@ -158,7 +165,7 @@ def _along(
         # them.
         over = _excess(q, v, a)
         if over <= 1.0 + 1e-9:
-            return _finished(q, qd * (duration * PHYSICS_HZ / (rows - 1)), corners)
+            return q, qd * (duration * PHYSICS_HZ / (rows - 1))
         rows = max(rows + 1, _rows((rows - 1) / PHYSICS_HZ * over))
 
 
@@ -169,7 +176,7 @@ def _excess(q: Floats, v: Floats, a: Floats) -> float:
     return max(float((np.abs(speeds) / v).max()), float(np.sqrt((np.abs(changes) / a).max())))
 
 
-def _trapezoid(p: Floats, q: Floats, v: Floats, a: Floats, minimum: float) -> Trajectory:
+def _trapezoid(p: Floats, q: Floats, v: Floats, a: Floats, minimum: float) -> tuple[Floats, Floats]:
     """s from 0 to 1 with speed at most w and acceleration b."""
     span = np.abs(q - p)
     w, b = float((v / np.maximum(span, 1e-12)).min()), float((a / np.maximum(span, 1e-12)).min())
@@ -181,25 +188,9 @@ def _trapezoid(p: Floats, q: Floats, v: Floats, a: Floats, minimum: float) -> Tr
     up, down = np.minimum(t, ramp), np.maximum(t - (duration - ramp), 0.0)
     s = 0.5 * b * up**2 + top * np.maximum(t - ramp, 0.0) - 0.5 * b * down**2
     speed = (b * up - b * down) * (duration * PHYSICS_HZ / (rows - 1))
-    return _finished(p + s[:, None] * (q - p), speed[:, None] * (q - p), np.stack([p, q]))
-
-
-def _finished(q: Floats, qd: Floats, corners: Floats) -> Trajectory:
-    q[0], q[-1] = corners[0], corners[-1]
-    qd[0] = qd[-1] = 0.0
-    return Trajectory(q, qd)
+    return p + s[:, None] * (q - p), speed[:, None] * (q - p)
 
 
 def _rows(duration: float) -> int:
     """Of at least `duration` s: both ends included, at least two."""
     return 1 + max(1, int(np.ceil(duration * PHYSICS_HZ - 1e-6)))
-
-
-def _without_repeats(points: Floats) -> Floats:
-    kept = [points[0]]
-    for point in points[1:]:
-        if np.abs(point - kept[-1]).max() > LIMITS.same:
-            kept.append(point)
-    if len(kept) > 1:
-        kept[-1] = points[-1]
-    return np.array(kept)

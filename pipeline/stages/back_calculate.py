@@ -128,11 +128,16 @@ def back_calculate(scene: Scene, dry: DryRun, setup: Setup) -> TargetMotion:
         first = middle(rider.pose(0.0), scene.bodies[name].instance)
         return bool(scene.sees(first, setup.camera)) and clear_of[name](rider)
 
-    def free(motion: TargetMotion) -> bool:
-        return clear.free(motion) and all(rides(n, Rider(motion, p)) for n, p in at.items())
-
     mover = Mover(task.target, setup.motion or task.motion, "target_motion", tuple(at))
-    found = _drawn(scene, dry, setup, mover, free)
+    found = _drawn(
+        scene,
+        dry,
+        setup,
+        mover,
+        lambda motion: (
+            clear.free(motion) and all(rides(n, Rider(motion, p)) for n, p in at.items())
+        ),
+    )
     others: dict[str, TargetMotion] = {n: Rider(found, pose) for n, pose in at.items()}
     for name, model in task.movers.items():
         if name in at:

@@ -281,5 +281,5 @@ def family_of(instance: Family) -> str:
 
 def drawn_kind(family: str, rules: Rules, rng: np.random.Generator) -> type[Family]:
     """The family that a layout asked for, or one of its replacements."""
-    names = rules.standing_for(family)
+    names = dict(rules.objects).get(family) or (family,)
     return FAMILIES[names[0] if len(names) == 1 else names[int(rng.integers(len(names)))]]

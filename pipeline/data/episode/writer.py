@@ -48,7 +48,15 @@ def write_episode(
         inner = (f"interception/{name}" for name in sorted(below))
         for name in (*_GROUPS, *bodies, *inner, FIRST_CONTACT):
             f.create_group(name)
-        _write_header(f, episode)
+        f.attrs["schema"], f.attrs["spec"] = SCHEMA, episode.spec.to_json()
+        f.attrs["fps"], f.attrs["meta"] = episode.meta.fps, episode.meta.model_dump_json()
+        f["motion"] = episode.motion
+        f["events"] = json.dumps([asdict(event) for event in episode.log.events])
+        f["skills"] = json.dumps([asdict(run) for run in episode.log.skills])
+        if episode.attempts:
+            f[ATTEMPTS] = json.dumps(list(episode.attempts), sort_keys=True)
+        for split, texts in episode.instructions.items():
+            f[f"instruction/{split}"] = np.array(texts, dtype=h5py.string_dtype())
         _write_log(f, episode)
         _write_touches(f.require_group(FIRST_CONTACT), episode)
         # the same bytes, whether it was just made or read from a file
@@ -59,18 +67,6 @@ def write_episode(
         if pointcloud is not None:
             f.create_dataset("pointcloud", data=pointcloud, compression="gzip", compression_opts=4)
         f.attrs[HASHES] = canonical(content_hashes(f, lambda name: np.asarray(f[name]))).decode()
-
-
-def _write_header(f: h5py.File, e: Episode) -> None:
-    f.attrs["schema"], f.attrs["spec"] = SCHEMA, e.spec.to_json()
-    f.attrs["fps"], f.attrs["meta"] = e.meta.fps, e.meta.model_dump_json()
-    f["motion"] = e.motion
-    f["events"] = json.dumps([asdict(event) for event in e.log.events])
-    f["skills"] = json.dumps([asdict(run) for run in e.log.skills])
-    if e.attempts:
-        f[ATTEMPTS] = json.dumps(list(e.attempts), sort_keys=True)
-    for split, texts in e.instructions.items():
-        f[f"instruction/{split}"] = np.array(texts, dtype=h5py.string_dtype())
 
 
 def _write_log(f: h5py.File, e: Episode) -> None:

@@ -87,10 +87,6 @@ class Rules:
     drive: DriveErrors | None = None
     events: tuple[EventSpec, ...] = ()
 
-    def standing_for(self, family: str) -> tuple[str, ...]:
-        """The objects that a layout gets for a family; itself if there are none."""
-        return dict(self.objects).get(family) or (family,)
-
     def within(self, task: str) -> "Rules":
         """The same with the objects of this task."""
         own = {

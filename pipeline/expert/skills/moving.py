@@ -127,7 +127,7 @@ def home(a: Actor, side: str) -> Steps:
     free = arm.checker()
     if free(arm.q):
         with suppress(PlanFailure):
-            yield {side: arm.free_trajectory(arm.home, free)}
+            yield {side: arm.free_trajectory(arm.chain.home, free)}
             return
     tcp = a.tcp(side)
     rises = (lifted(tcp, height) for height in MOVE.rises)
@@ -136,7 +136,7 @@ def home(a: Actor, side: str) -> Steps:
     for off in (line for line in lines if line is not None and free(line[-1]) and apart(line)):
         there = arm.within(arm.scene.commanding(side, off[-1]))
         with suppress(PlanFailure):
-            back = there.free_trajectory(arm.home, free)
+            back = there.free_trajectory(arm.chain.home, free)
             yield {side: arm.timed(off)}
             yield {side: back}
             return

@@ -8,7 +8,7 @@ import re
 import sys
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cache, lru_cache
+from functools import lru_cache
 from importlib.resources import files
 from importlib.resources.abc import Traversable
 from itertools import combinations, product
@@ -180,12 +180,13 @@ def _fillings(
     def filling(descriptions: Iterable[str]) -> _Filling:
         return _Filling(template, roles | dict(zip(bodies, descriptions, strict=True)), choices)
 
-    @cache
-    def heavy(traits: tuple[bool, ...]) -> bool:
-        fillers = ("x with a x" if trait else "x" for trait in traits)
-        return crowded(filling(fillers).text())
-
-    light = [f for f in filled if not heavy(tuple(" with " in d for d in f))]
+    # crowded or not by which descriptions have a "with"
+    traits = [tuple(" with " in d for d in f) for f in filled]
+    heavy = {
+        each: crowded(filling("x with a x" if trait else "x" for trait in each).text())
+        for each in {*traits}
+    }
+    light = [f for f, each in zip(filled, traits, strict=True) if not heavy[each]]
     return [filling(f) for f in light or filled]
 
 

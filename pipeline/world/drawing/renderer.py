@@ -147,7 +147,7 @@ class Renderer(AbstractContextManager["Renderer"]):
             scene.close()
         self._scenes = ()
         if self._shadows is not None:
-            self._shadows.close()
+            self._shadows.casters.close()
         self._shadows = None
 
     close = __exit__
@@ -170,16 +170,26 @@ class Renderer(AbstractContextManager["Renderer"]):
         if poses and frames is None:
             index = np.arange(len(next(iter(poses.values()))))
         poses = {name: p[index] for name, p in poses.items()}
-        views = [self._empty_view(c, poses, len(index), depth, segmentation) for c in self.cameras]
+        views = list[View]()
+        for camera in self.cameras:
+            shape = (len(index), camera.type.height, camera.type.width)
+            rgb = np.empty((*shape, 3), np.uint8)
+            far = np.empty(shape, np.uint16) if depth else None
+            bodies = np.empty(shape, np.uint8) if segmentation else None
+            at = self._places(camera, poses, len(index))
+            views.append(View(camera, at, rgb, far, bodies))
         poses = {name: self._look.rounded(p) for name, p in poses.items()}
         places = [self._places(c, poses, len(index)) for c in self.cameras]
-        seen = [
-            self._watch(c, at, poses)
-            for c, at in zip(self.cameras, places, strict=True)
-            if self._shadows is not None
-        ]
+        seen = list[Seen]()
         if self._shadows is not None:
             self._shadows.follow(poses)
+            still = np.repeat(IDENTITY[None], len(index), 0)
+            placed = np.stack([poses[n] if n in self._moving else still for n in self._bounds], 1)
+            centres, halves = (np.stack(part) for part in zip(*self._bounds.values(), strict=True))
+            seen = [
+                Seen(c.type, at, placed, (centres, halves), self._sun)
+                for c, at in zip(self.cameras, places, strict=True)
+            ]
         buffers = list[Callable[[], Depths] | None]([None] * len(views))
         for k in range(len(index)):
             now = {name: poses[name][k] for name in self._moving}
@@ -213,19 +223,6 @@ class Renderer(AbstractContextManager["Renderer"]):
                         images[k] = images[k - 1]
         return views
 
-    def _watch(self, camera: Camera, places: Floats, poses: Mapping[str, Floats]) -> Seen:
-        """What a camera sees from its places (F,7)."""
-        still = np.repeat(IDENTITY[None], len(places), 0)
-        placed = [poses[name] if name in self._moving else still for name in self._bounds]
-        centres, halves = (np.stack(part) for part in zip(*self._bounds.values(), strict=True))
-        return Seen(
-            camera.type,
-            places,
-            np.stack(placed, 1),
-            (centres, halves),
-            self._sun,
-        )
-
     def _check_poses(self, body_poses: Mapping[str, ArrayLike]) -> dict[str, Floats]:
         needed = {*self._moving, *(c.link for c in self.cameras if c.link is not None)}
         missing = sorted(needed - set(body_poses))
@@ -236,23 +233,6 @@ class Renderer(AbstractContextManager["Renderer"]):
         if len(shapes) > 1 or any(len(s) != 2 or s[1] != 7 for s in shapes):
             raise ValueError(f"poses must all be (T, 7) with one T; got {sorted(shapes)}")
         return poses
-
-    def _empty_view(
-        self,
-        camera: Camera,
-        poses: Mapping[str, Floats],
-        frames: int,
-        depth: bool,
-        segmentation: bool,
-    ) -> View:
-        shape = (frames, camera.type.height, camera.type.width)
-        return View(
-            camera,
-            self._places(camera, poses, frames),
-            np.empty((*shape, 3), np.uint8),
-            np.empty(shape, np.uint16) if depth else None,
-            np.empty(shape, np.uint8) if segmentation else None,
-        )
 
     def _places(self, camera: Camera, poses: Mapping[str, Floats], frames: int) -> Floats:
         """A camera's poses, (F,7)."""

@@ -157,10 +157,6 @@ class ShadowMap[C: Casters]:
         self.casters.upload(depths, self._lit)
         return changed
 
-    def close(self) -> None:
-        """Free the device memory."""
-        self.casters.close()
-
     def _place(self, names: Iterable[str], k: int) -> None:
         for name in names:
             self.casters.place(name, self._poses[name][k])

@@ -19,6 +19,8 @@ SAMPLES = 2048
 """Most pixels of a silhouette's box that are looked at, on an even grid; exact below it."""
 
 FIXED = "what stands still"  # no name of a body: those have no spaces
+_OPTICAL = pose((0, 0, 0), quat_from_matrix([[0.0, 0, 1], [-1, 0, 0], [0, -1, 0]]))
+"""A camera's pose with z forward, in the one with x forward."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,30 +90,19 @@ def track_bodies(
         solids.vertices, solids.owner, solids.triangles, solids.spans, matrices, index, lens
     )
     whole, seen = counts[..., 0], counts[..., 1]
-    middles = np.array([_middle(solids, int(i)) for i in index])
+    inside = [solids.vertices[first:end] for first, end in solids.corners[index]]
+    middles = np.array([(v.min(0) + v.max(0)) / 2 if len(v) else np.zeros(3) for v in inside])
     chosen = matrices[:, index]
     at = np.einsum("tnij,nj->tni", chosen[..., :3], middles) + chosen[..., 3]
     front = (at[..., 2:] > NEAR) & (whole > 0)[..., None]
     centre = np.where(front, (at @ k.T)[..., :2] / np.where(front, at[..., 2:], 1.0), 0.0)
-    body_poses = compose(inverse(_optical(camera_poses))[:, None], placed[:, index])
+    body_poses = compose(inverse(compose(camera_poses, _OPTICAL))[:, None], placed[:, index])
     return BodyTracks(
         boxes.astype(np.float32),
         centre.astype(np.float32),
         (seen / np.maximum(whole, 1)).astype(np.float32),
         body_poses,
     )
-
-
-def _middle(solids: Occluders, body: int) -> Floats:
-    first, end = solids.corners[body]
-    inside = solids.vertices[first:end]
-    return (inside.min(0) + inside.max(0)) / 2 if len(inside) else np.zeros(3)
-
-
-def _optical(camera_poses: Floats) -> Floats:
-    """Camera poses (T,7) with z forward, from x forward."""
-    axes = np.array([[0.0, 0, 1], [-1, 0, 0], [0, -1, 0]])
-    return compose(camera_poses, pose((0, 0, 0), quat_from_matrix(axes))[None])
 
 
 @njit(cache=True, error_model="numpy")

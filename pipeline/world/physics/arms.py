@@ -43,7 +43,13 @@ def arm_builder(arm: Arm, side: str) -> sapien.ArticulationBuilder:
     joints = {joint.child: joint for joint in arm.joints}
     links = {link.name: link for link in arm.links}
     made: dict[str, sapien.LinkBuilder] = {}
-    for name in _depth_first(arm):
+    below: dict[str, list[str]] = {}
+    for joint in arm.joints:
+        below.setdefault(joint.parent, []).append(joint.child)
+    todo = [root_link(arm)]
+    while todo:  # from the root, each branch whole, in joint order
+        name = todo.pop()
+        todo += reversed(below.get(name, ()))
         joint = joints.get(name)
         made[name] = one = builder.create_link_builder(
             None if joint is None else made[joint.parent]
@@ -64,19 +70,6 @@ def groups(side: str) -> list[int]:
 
 def material() -> PhysxMaterial:
     return PhysxMaterial(FRICTION, FRICTION, 0.0)
-
-
-def _depth_first(arm: Arm) -> list[str]:
-    """Links from the root, each branch whole, in joint order."""
-    below: dict[str, list[str]] = {}
-    for joint in arm.joints:
-        below.setdefault(joint.parent, []).append(joint.child)
-    todo = [root_link(arm)]
-    order: list[str] = []
-    while todo:
-        order.append(todo.pop())
-        todo += reversed(below.get(order[-1], ()))
-    return order
 
 
 def _set_mass(builder: "sapien.LinkBuilder", link: Link) -> None:
@@ -178,9 +171,17 @@ def add_arm(scene: sapien.Scene, side: str, arm: Arm) -> BuiltArm:
     builder.set_scene(scene)
     robot = builder.build()
     robot.set_root_pose(to_sapien(arm.base))
-    _add_hulls(robot, side, arm)
+    collision, surface = {link.name: link.collision for link in arm.links}, material()
     for link in robot.links:
         link.entity.name = f"{side}_{link.name}"
+        for piece in collision[link.name]:
+            if piece.kind == "convex":  # no builder takes one from memory
+                shape = sapien.physx.PhysxCollisionShapeConvexMesh(
+                    np.asarray(piece.vertices, np.float32), (1.0, 1.0, 1.0), surface
+                )
+                shape.set_local_pose(to_sapien(piece.pose))
+                shape.set_collision_groups(groups(side))
+                link.attach(shape)
     active = list(robot.active_joints)
     by_name = {j.name: j for j in active}
     limits = {j.name: j for j in arm.joints}
@@ -204,17 +205,3 @@ def add_arm(scene: sapien.Scene, side: str, arm: Arm) -> BuiltArm:
         [by_name[n] for n in arm.gripper.joints],
         arm.gripper,
     )
-
-
-def _add_hulls(robot: PhysxArticulation, side: str, arm: Arm) -> None:
-    """Give links convex pieces, which no builder takes from memory."""
-    hulls = {link.name: [c for c in link.collision if c.kind == "convex"] for link in arm.links}
-    surface = material()
-    for link in robot.links:
-        for piece in hulls[link.name]:
-            shape = sapien.physx.PhysxCollisionShapeConvexMesh(
-                np.asarray(piece.vertices, np.float32), (1.0, 1.0, 1.0), surface
-            )
-            shape.set_local_pose(to_sapien(piece.pose))
-            shape.set_collision_groups(groups(side))
-            link.attach(shape)

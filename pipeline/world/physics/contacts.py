@@ -32,18 +32,15 @@ class Contacts:
     """The contacts of one step, each read once: the binding costs more than their use. `index` has
     the components whose touching counts."""
 
-    def __init__(self, found: Sequence[Any], index: Mapping[Any, int]) -> None:
+    def __init__(self, found: Sequence[Any], index: Mapping[Any, int], table: Any) -> None:
         self._found, self._index, self._pushing = found, index, dict[int, list[Push]]()
         self.pairs: list[tuple[Any, Any]] = [tuple(contact.bodies) for contact in found]
-        self._sleepers: set[Any] | None = None
-
-    def look_for_sleep(self, table: Any) -> None:
-        """Note whether all that touch are the table and bodies that sleep."""
+        # noted if all that touch are the table and bodies that sleep
         bodies = {body for pair in self.pairs for body in pair} - {table}
-        if all(
+        asleep = all(
             isinstance(body, PhysxRigidDynamicComponent) and body.is_sleeping for body in bodies
-        ):
-            self._sleepers = bodies
+        )
+        self._sleepers: set[Any] | None = bodies if asleep else None
 
     def still_hold(self, found: Sequence[Any]) -> bool:
         """Whether the contacts `found` later are these: touches of a body do not change in its
@@ -107,15 +104,13 @@ class Contacts:
                 pieces.append(self.pushing(k))
         out = list[Pair]()
         for pair, (strength, pieces) in sorted(found.items(), key=lambda item: item[0]):
-            point, n = max(map(_mean_point, pieces))
+            at = [[p.position.tolist() for _, p in pushing] for pushing in pieces]
+            point, n = max(
+                (tuple(math.fsum(axis) / len(of) for axis in zip(*of, strict=True)), len(of))
+                for of in at
+            )
             out.append((*pair, strength, np.array(point), n))
         return out
-
-
-def _mean_point(pushing: Sequence[Push]) -> tuple[tuple[float, ...], int]:
-    """Mean position (3,) and number of a contact's points."""
-    at = [p.position.tolist() for _, p in pushing]
-    return tuple(math.fsum(axis) / len(at) for axis in zip(*at, strict=True)), len(at)
 
 
 @dataclass(frozen=True)

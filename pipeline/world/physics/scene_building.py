@@ -207,14 +207,11 @@ class PhysicsScene:
         self.joint_names = tuple(
             f"{side}_{j.name}" for side, arm in self._arms.items() for j in arm.active
         )
-        self._index_vector()
-
-    def _index_vector(self) -> None:
-        """Which joints the state vector is read from."""
+        # which joints the state vector is read from
         at = {name: i for i, name in enumerate(self.joint_names)}
         places = list[int]()
         self._jaws = list[tuple[int, NDArray[np.intp], Floats, Floats]]()
-        for side, arm in self.embodiment.arms.items():
+        for side, arm in arms.items():
             closed, opened = np.array(arm.gripper.closed), np.array(arm.gripper.opened)
             places += [at[f"{side}_{n}"] for n in arm.arm_joints]
             jaws = np.array([at[f"{side}_{n}"] for n in arm.gripper.joints])
@@ -257,12 +254,9 @@ class PhysicsScene:
 
     def qpos(self) -> tuple[Floats, Floats]:
         """Joint positions and their velocities over the last step (J,), as in `joint_names`."""
-        now = np.concatenate(self._joint_positions()).astype(float)
+        now = np.concatenate([robot.qpos for robot in self._robots]).astype(float)
         before = now if self._before is None else np.concatenate(self._before[1]).astype(float)
         return now, (now - before) * PHYSICS_HZ
-
-    def _joint_positions(self) -> list[NDArray[np.float32]]:
-        return [robot.qpos for robot in self._robots]
 
     def state_vector(self, qpos: Floats) -> Floats:
         """Measured vector (A,) in command layout, from `qpos` (J,)."""
@@ -282,8 +276,7 @@ class PhysicsScene:
         if self._read is None:
             found = self._scene.get_contacts()
             if self._last is None or not self._last.still_hold(found):
-                self._last = Contacts(found, self._index)
-                self._last.look_for_sleep(self._table)
+                self._last = Contacts(found, self._index, self._table)
             self._read = self._last
         return self._read
 

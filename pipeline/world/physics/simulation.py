@@ -62,7 +62,17 @@ class Simulation(PhysicsScene):
         self._after_touch, self._drive, self.script = after_touch, None, script
         self._beside = dict(others_of(motion))
         props = script.props if script else ()
-        super().__init__(embodiment, bodies, self._first_poses(bodies), motion.scenery(), props)
+        end = next(b.pose for b in bodies if b.name == target)
+        start = np.asarray(motion.pose(_START), float)
+        poses = {
+            b.name: compose(start, compose(inverse(end), b.pose))
+            if target in (b.name, b.inside)
+            else b.pose
+            for b in bodies
+        }
+        for name, each in self._beside.items():
+            poses[name] = np.asarray(each.pose(_START), float)
+        super().__init__(embodiment, bodies, poses.values(), motion.scenery(), props)
         self.settle_steps, self.events = 0, list[Event]()
         self.released, self.touched_by, self.touched_at = False, "", -1
         self._upcoming_from, self._upcoming, self._waiting = 0, np.empty((0, 7)), False
@@ -80,20 +90,6 @@ class Simulation(PhysicsScene):
         self._watched_last, self.roles = cast(Contacts | None, None), dict[str, str]()
         self._take_roles()
         self.command = self.home_vector()
-
-    def _first_poses(self, bodies: Sequence[Body]) -> list[Pose]:
-        """Poses at the start of the motions."""
-        end = next(b.pose for b in bodies if b.name == self.target)
-        start = np.asarray(self.motion.pose(_START), float)
-        poses = {
-            b.name: compose(start, compose(inverse(end), b.pose))
-            if self.target in (b.name, b.inside)
-            else b.pose
-            for b in bodies
-        }
-        for name, motion in self._beside.items():
-            poses[name] = np.asarray(motion.pose(_START), float)
-        return list(poses.values())
 
     def _take_roles(self) -> None:
         self._moved = self._dynamic(self.target)
@@ -159,7 +155,8 @@ class Simulation(PhysicsScene):
             self._moved.set_disable_gravity(False)
             self._moved.wake_up()
             self._borne = False
-        self._before = self._entities[self.target].pose, self._joint_positions()
+        joints = [robot.qpos for robot in self._robots]
+        self._before = self._entities[self.target].pose, joints
         self._scene.step()
         self.steps += 1
         self.command, self._read = command, None

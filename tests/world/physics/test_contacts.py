@@ -46,7 +46,7 @@ def contact(one: str, other: str, *forces: tuple[float, float, float]) -> Simple
 def overloads(*contacts: SimpleNamespace, rigid: str = "") -> list[Overload]:
     """What a watch finds in one step."""
     names = {name: name for name in (FINGER, OTHER, HAND, LINK, "can", "table")}
-    return ForceWatch(ROBOT, names).overloads(Contacts(contacts, {}), rigid)
+    return ForceWatch(ROBOT, names).overloads(Contacts(contacts, {}, "table"), rigid)
 
 
 def test_forces_of_a_contact_add_up_as_vectors():
@@ -82,7 +82,7 @@ def test_a_contact_is_read_once_for_all_that_ask() -> None:
                 for impulse, position in zip((push, push, 0 * push), at, strict=True)
             ]
 
-    contacts = Contacts([Counted(bodies=["can", FINGER])], {"can": 4, FINGER: 1})
+    contacts = Contacts([Counted(bodies=["can", FINGER])], {"can": 4, FINGER: 1}, "table")
     [(a, b, impulse, point, count)] = contacts.touching
     assert (a, b, count) == (1, 4, 2) and impulse == pytest.approx(4 * FORCES.finger / PHYSICS_HZ)
     assert point == pytest.approx([0.2, 0.2, 0.7])

@@ -185,20 +185,19 @@ class Picture:
             for blocks in changed.view(np.uint8):
                 cv2.dilate(blocks, AROUND, dst=blocks)
         stale = Stale(not again, self._before.ids, moved, changed.reshape(3, -1))
-        self._shade(stale, np.column_stack([inward, at[:3]]).astype(np.float32))
-        return self
-
-    def _shade(self, stale: Stale, view: NDArray[np.float32]) -> None:
-        frame, canvas, planes = self._frame, self._canvas, self._planes
-        blocks, owners = canvas.blocks, self._bodies.of_triangle
-        counts = sort_stale(frame, stale, blocks, owners, planes.rows, self._pixels)
+        canvas, planes = self._canvas, self._planes
+        counts = sort_stale(
+            frame, stale, canvas.blocks, bodies.of_triangle, planes.rows, self._pixels
+        )
         groups = [row[:n] for row, n in zip(self._pixels, counts, strict=True)]
-        camera, light = (view, self._lens), (self._lamps, self._shadows.casters.sunlight)
+        camera = np.column_stack([inward, at[:3]]).astype(np.float32), lens
+        light = self._lamps, self._shadows.casters.sunlight
         canvas.image[groups[0]] = 0
-        shade_bodies(groups[1], frame, camera, self._bodies.geometry, light, canvas)
+        shade_bodies(groups[1], frame, camera, bodies.geometry, light, canvas)
         for pixels, row in zip(groups[2:], planes.rows, strict=True):
             if len(pixels):
                 shade_plane(pixels, frame, camera, (row, planes.texels), light, canvas)
+        return self
 
     def get_picture(self, target: str) -> NDArray[Any]:
         """Image (H,W,4), depth buffer, or segmentation (H,W,1)."""
