@@ -10,7 +10,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from pipeline.data.errors import DominoError
-from pipeline.plugins import ENV, load_plugins
+from pipeline.plugins import PLUGINS, load_plugins
 from pipeline.world.objects import FAMILIES
 
 EXAMPLE = Path(__file__).parents[1] / "docs" / "examples" / "extension"
@@ -45,7 +45,7 @@ def loaded(monkeypatch, tmp_path):
     path = list(sys.path)
 
     def load(directory: Path) -> None:
-        monkeypatch.setenv(ENV, str(directory))
+        monkeypatch.setenv(PLUGINS, str(directory))
         load_plugins()
 
     yield load

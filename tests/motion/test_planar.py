@@ -163,7 +163,7 @@ def test_segments_must_cover_the_time():
         PlanarMotion(1, 0.1, 0.0, 0.0, 0.8, YAW, (piece,))
     with pytest.raises(ValueError, match="end after"):
         Segment(1.0, 1.0, np.zeros((2, 1)))
-    with pytest.raises(ValueError, match="shape"):
+    with pytest.raises(ValueError, match="coefficients"):
         Segment(0.0, 1.0, np.zeros((3, 1)))
 
 

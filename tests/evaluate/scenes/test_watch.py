@@ -47,6 +47,7 @@ def test_a_lift_between_two_frames_counts(peak, lifted):
     }
     task = SimpleNamespace(manipulated="block", target="block", limits={"lift": 0.03}, **rise)
     scene = SimpleNamespace(task=task, bodies={}, embodiment=None, rules=STRICT, arms={})
+    scene.by_role = lambda log: (scene, log)
     now = {"z": 0.74}
     simulation = SimpleNamespace(
         pose=lambda name: np.array([0, 0, now["z"], 1, 0, 0, 0]), time=1 / 15
