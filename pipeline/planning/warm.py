@@ -17,15 +17,15 @@ def warm_up(embodiment: str) -> None:
     planner = planner_for(embodiment)
     side, rng = planner.embodiment.sides[0], np.random.default_rng(0)
     arm = ArmPlanner(planner, side, home_scene(planner), rng)
-    near = arm.home + 0.05
+    near = arm.chain.home + 0.05
     tcp = arm.fk(near)
     arm.solve(tcp[None])
     arm.line(near, tcp + np.array([0, 0, 0.02, 0, 0, 0, 0]))
     arm.checker()(near)
-    connect(lambda q: True, arm.home, near, arm.rng, (arm.chain.lower, arm.chain.upper))
+    connect(lambda q: True, arm.chain.home, near, arm.rng, (arm.chain.lower, arm.chain.upper))
     ones = np.ones(len(arm.chain.home))
     for count in (2, 5):
-        time_parameterise(np.linspace(arm.home, near, count) ** 3, ones, ones)
+        time_parameterise(np.linspace(arm.chain.home, near, count) ** 3, ones, ones)
     sweep = Sweep([(0, TABLE_COLLISION)], IDENTITY[None, None], [TABLE_COLLISION], 0.0)
     sweep.first_contact(IDENTITY[None])
 
