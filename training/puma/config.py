@@ -115,6 +115,9 @@ class Finder(_Part):
     words: Annotated[int, Field(ge=0, le=256)] = 0
     """Numbers of the embedding of the sentence that says which target is meant; its encoder is
     trained with the finder. The policy is given them, too. With 0 no sentence is read."""
+    nearest_task: bool = False
+    """Whether a sentence is taken for the task of the demonstrations that it reads most like. Then
+    unseen sentences are understood, and what tells two targets of one task apart is lost."""
     width: Annotated[int, Field(ge=8, multiple_of=4)] = 16
     """Filters of a layer."""
     steps: Annotated[int, Field(ge=1)] = 1500
@@ -134,9 +137,11 @@ class Finder(_Part):
         return 2 if self.goal else 1
 
     @model_validator(mode="after")
-    def _touches_one(self) -> "Finder":
+    def _agrees(self) -> "Finder":
         if self.touches and self.goal:
             raise ValueError("touches are found on one body: leave out touches or goal")
+        if self.nearest_task and not self.words:
+            raise ValueError("tasks are told by sentences: set words, or leave out nearest_task")
         return self
 
 

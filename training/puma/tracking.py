@@ -25,7 +25,7 @@ from training.puma.cache import Cache, CodedImages
 from training.puma.config import Config, Finder
 from training.puma.data import Arrays, Corpus
 from training.puma.errors import TrainError
-from training.puma.model.finder import finding_loss
+from training.puma.model.finder import finding_loss, learn_tasks
 from training.puma.model.puma import Puma
 from training.puma.preprocess import Preprocessing
 from training.puma.shards import Row
@@ -252,9 +252,21 @@ def _train(network: Puma, sight: TargetView, corpus: Corpus, quiet: bool) -> Non
         torch.nn.utils.clip_grad_norm_(finder.parameters(), 1.0)
         optimizer.step()
         schedule.step()
+    if finder.tasks:
+        told = [network.words.ids(texts) for texts in sentences_of(corpus).values()]
+        learn_tasks(finder, told, max(1, settings.steps // 4), seed)
     # gradients left here would count in the norm to which the network's own are clipped, and be
     # missing in a resumed run
     optimizer.zero_grad()
+
+
+def sentences_of(corpus: Corpus) -> dict[str, list[str]]:
+    """The sentences of training of each task, in order."""
+    found = dict[str, set[str]]()
+    for part in corpus.train:
+        for row in (part.cache.rows[i] for i in np.unique(part.episode)):
+            found.setdefault(row.path.parts[0], set()).update(row.instructions)
+    return {task: sorted(found[task]) for task in sorted(found)}
 
 
 def in_order[T](make: Callable[[int], T], count: int) -> Iterator[T]:

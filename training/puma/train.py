@@ -4,7 +4,7 @@ import json
 import math
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -33,7 +33,7 @@ from training.puma.parallel import (
     whole,
 )
 from training.puma.runs import LOG
-from training.puma.tracking import follow
+from training.puma.tracking import follow, sentences_of
 
 
 @dataclass(eq=False)
@@ -93,10 +93,13 @@ def train(
             "no validation errors: no episode fell into the split (data.validation"
             f" {config.data.validation}); build more episodes"
         )
+    sizes = sizes_of(corpus)
     if config.train.start is not None:
-        corpus = runs.as_before(corpus, checkpoint.load(config.train.start))
+        before = checkpoint.load(config.train.start)
+        corpus = runs.as_before(corpus, before)
+        sizes = replace(sizes, tasks=before.sizes.tasks)
     torch.manual_seed(config.train.seed)
-    sizes, shared = sizes_of(corpus), is_shared(accelerator, config.train)
+    shared = is_shared(accelerator, config.train)
     held, step = checkpoint.checkpoints(out), 0
     if main or not shared:
         network = build_model(config, sizes)
@@ -160,8 +163,11 @@ def train(
 def sizes_of(corpus: Corpus) -> Sizes:
     """Sizes of the network that follow from the data."""
     arrays = corpus.train[0].cache.arrays
+    track, told = corpus.config.model.track, sentences_of(corpus)
     return Sizes(
-        len(corpus.preprocessing.names), arrays["world"].shape[1] if "world" in arrays else 0
+        len(corpus.preprocessing.names),
+        arrays["world"].shape[1] if "world" in arrays else 0,
+        len(told) if track is not None and track.nearest_task else 0,
     )
 
 

@@ -22,7 +22,7 @@ from training.puma.config import Config, Finder, parse_config
 from training.puma.data import batch_of, open_corpus, pooled
 from training.puma.errors import TrainError
 from training.puma.many import Many, MisledPolicy, commands, estimate, table
-from training.puma.model.finder import FinderNet, finding_loss
+from training.puma.model.finder import FinderNet, finding_loss, learn_tasks
 from training.puma.model.puma import build_model
 from training.puma.model.text import HashedWords
 from training.puma.policy import PumaPolicy
@@ -92,6 +92,34 @@ def test_the_sentence_says_which_of_two_bodies_is_found():
     assert median(swapped, swapped) < 2 and median(swapped, which) > 20
 
 
+def test_an_unseen_sentence_is_taken_for_its_task_and_does_what_its_own_sentences_do():
+    torch.manual_seed(0)
+    rng, words = np.random.default_rng(0), HashedWords(512, pieces=True)
+    names = (("ring", "bell"), ("lift", "bottle"))
+    frames = ("{} the {}", "please {} that {} now", "{} a {} with the left arm", "go and {} the {}")
+    known = [words.ids([frame.format(*name) for frame in frames]) for name in names]
+    finder = FinderNet(Finder(size=(48, 64), crop=32, width=8, words=8), 512, 2)
+    learn_tasks(finder, known, 120, 0)
+    finder.eval()
+    image = scene(rng)[0][None]
+    own = [finder.find(image, ids[:1]) for ids in known]
+    assert np.abs(own[0][0] - own[1][0]).max() > 1e-3
+    unseen = (
+        "kindly make this small shiny bell sound",
+        "carefully raise up one heavy green bottle",
+    )
+    for text, ids, expected in zip(unseen, known, own, strict=True):
+        told = words.ids([text])
+        # more than half of it is in no sentence of training
+        assert np.isin(told[told >= 0].numpy(), ids.numpy()).mean() < 0.5
+        # by a few of its pieces a sentence is read as that of its task
+        read = finder.reader(torch.where(torch.rand(200, ids.shape[1]) < 0.1, ids[1], -1))
+        off = (read - finder.read(ids[:1])).norm(dim=1).median()
+        assert off < 0.8 * (finder.means[0] - finder.means[1]).norm()
+        found = finder.find(image, told)
+        assert all(np.array_equal(a, b) for a, b in zip(found, expected, strict=True))
+
+
 def test_tracks_follow_two_bodies_and_aims_have_the_way_to_each():
     tracks = Tracks(SIGHT, 2)
     for i in range(20):
@@ -126,7 +154,9 @@ def two(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
 
 
 def several(datasets: list[Path], cache: Path) -> Config:
-    values = small(datasets[0], cache, goal=True, words=8).model_dump(mode="json")
+    values = small(datasets[0], cache, goal=True, words=8, nearest_task=True).model_dump(
+        mode="json"
+    )
     values["model"] |= {"touched": True, "modes": 2}
     values["data"] |= {"balance": "tasks", "validation": 0.5}
     first, second = ({"dataset": str(path)} for path in datasets)
@@ -157,7 +187,7 @@ def test_a_network_of_two_tasks_trains_resumes_and_sees_what_it_was_trained_on(
     policy = PumaPolicy.load(tmp_path / "whole")
     told = [MisledPolicy.load(tmp_path / "whole"), policy]
     assert isinstance(told[0], MisledPolicy)
-    told[0].sentences = ("Grab the cup.",)
+    told[0].sentences = ("adjust bottle now",)
     for one in told:
         one.reset(start())
     answers = [np.concatenate([one.act(seen(k / 15)) for k in range(3)]) for one in told]

@@ -1,7 +1,7 @@
 """Finds bodies in an image: coarsely in the whole, made small, then in crops of the full image
 around that. A sentence may name them."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 import torch
@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from training.puma.config import Finder
+from training.puma.model.text import PADDING, padded
 from training.puma.model.tiny import Points
 from training.puma.preprocess import resized
 
@@ -26,6 +27,12 @@ LETTERS = 64
 
 UNREAD = 0.2
 """Share of the pieces of a sentence that are left out in training: others must do without them."""
+
+UNKNOWN = (0.3, 0.95)
+"""The same where sentences are taken for tasks: the range from which it is drawn for each one."""
+
+SENTENCES = 192
+"""Sentences of a step in which tasks are learned."""
 
 type Images = NDArray[np.uint8]
 type Floats = NDArray[np.float32]
@@ -73,12 +80,18 @@ class Reader(nn.Module):
 
 class FinderNet(nn.Module):
     """A locator for whole images, made small, and one for crops around each body. `pieces` is the
-    size of the vocabulary where sentences are read."""
+    size of the vocabulary where sentences are read, `tasks` how many they are taken for."""
 
-    def __init__(self, settings: Finder, pieces: int) -> None:
+    means: Tensor
+    """What the sentences of each task read on average (T,E)."""
+
+    def __init__(self, settings: Finder, pieces: int, tasks: int = 0) -> None:
         super().__init__()
-        self.settings, bodies, told = settings, settings.bodies, settings.words
+        self.settings, self.tasks = settings, tasks
+        bodies, told = settings.bodies, settings.words
         self.reader = Reader(pieces, told) if told else None
+        if tasks:
+            self.register_buffer("means", torch.zeros(tasks, told))
         self.coarse = Locator(bodies * settings.points, settings.width, told)
         which = bodies if bodies > 1 else 0
         self.fine = Locator(settings.points, settings.width, told + which)
@@ -107,10 +120,14 @@ class FinderNet(nn.Module):
         return self.by_image(found), self.by_image(errors.cpu().numpy())
 
     def read(self, ids: Tensor | None) -> Tensor | None:
-        """Embeddings (N,E) of sentences; None where none are read."""
+        """Embeddings (N,E) of sentences; None where none are read. Once it is trained, a finder
+        that knows its tasks gives the nearest of their means."""
         if self.reader is None or ids is None:
             return None
-        return self.reader(ids.to(next(self.parameters()).device))
+        found = self.reader(ids.to(next(self.parameters()).device))
+        if self.training or not self.tasks:
+            return found
+        return self.means[torch.cdist(found, self.means).argmin(1)]
 
     def add_bodies(self, read: Tensor | None, count: int) -> Tensor | None:
         """What the second locator is told (B N,T) for the crops of every body of `count` images:
@@ -139,6 +156,34 @@ class FinderNet(nn.Module):
         size = self.settings.crop
         pairs = zip(images, corners, strict=True)
         return np.stack([image[y : y + size, x : x + size] for image, (x, y) in pairs])
+
+
+def learn_tasks(finder: FinderNet, sentences: Sequence[Tensor], steps: int, seed: int) -> None:
+    """Keep the means of what the sentences (N,L) of each task read. Teach the reader to give
+    them by a few pieces of a sentence. Most pieces of an unseen one are unknown."""
+    reader, rng = finder.reader, np.random.default_rng([seed, len(sentences)])
+    assert reader is not None
+    device, peak = finder.means.device, finder.settings.rate
+    # what is left out is drawn below
+    reader.requires_grad_(True).eval()
+    with torch.no_grad():
+        read = [[reader(some.to(device)) for some in ids.split(512)] for ids in sentences]
+        finder.means.copy_(torch.stack([torch.cat(parts).mean(0) for parts in read]))
+    optimizer = torch.optim.AdamW(reader.parameters(), peak, weight_decay=1e-3)
+    schedule = torch.optim.lr_scheduler.OneCycleLR(optimizer, peak, total_steps=steps)
+    for _ in range(steps):
+        which = rng.integers(len(sentences), size=SENTENCES)
+        rows = [sentences[task][rng.integers(len(sentences[task]))].numpy() for task in which]
+        ids = padded(rows).numpy()
+        unread = rng.random(ids.shape) < rng.uniform(*UNKNOWN, (SENTENCES, 1))
+        found = reader(torch.from_numpy(np.where(unread, PADDING, ids)).to(device))
+        wanted = finder.means[torch.from_numpy(which).to(device)]
+        loss = ((found - wanted) ** 2).sum(1).mean()
+        optimizer.zero_grad()
+        loss.backward()
+        optimizer.step()
+        schedule.step()
+    optimizer.zero_grad()
 
 
 def finding_loss(found: Tensor, errors: Tensor, wanted: Tensor, there: Tensor) -> Tensor:

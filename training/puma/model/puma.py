@@ -68,10 +68,12 @@ class Targets:
 
 @dataclass(frozen=True)
 class Sizes:
-    """Numbers that follow from the data: joints, and entries of a world target."""
+    """Numbers that follow from the data: joints, entries of a world target, and tasks that
+    sentences are taken for."""
 
     joints: int
     world: int
+    tasks: int = 0
 
 
 class Standard(nn.Module):
@@ -127,7 +129,8 @@ class Puma(nn.Module):
         self.oracle = Oracle(width, oracle_size(model.chunk)) if model.oracle else None
         self.finder = self.aim_scale = self.chooser = self.toucher = None
         if (track := model.track) is not None:
-            self.finder = FinderNet(track, model.backbone.words).requires_grad_(False)
+            self.finder = FinderNet(track, model.backbone.words, sizes.tasks)
+            self.finder.requires_grad_(False)
             self.aim_scale = Standard(aim_numbers(track.points, track.bodies))
             self._tracked = track.bodies * track_numbers(track.points)
             if model.arms:
@@ -135,6 +138,13 @@ class Puma(nn.Module):
             if model.touched:
                 seen = aim_numbers(track.points, track.bodies) + sizes.joints
                 self.toucher = Chooser(seen + track.words, 1)
+
+    def train(self, mode: bool = True) -> "Puma":
+        """See torch. A finder that knows its tasks reads in training as it does afterwards."""
+        super().train(mode)
+        if self.finder is not None and self.sizes.tasks:
+            self.finder.eval()
+        return self
 
     def forward(self, inputs: Inputs) -> Outputs:
         """Actions and the later world."""
