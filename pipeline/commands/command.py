@@ -49,6 +49,7 @@ def run_app(app: Typer, name: str, words: Callable[[], list[str]] = lambda: sys.
         # a group without a word after it has printed its help
         if not (text := " ".join(error.format_message().split())):
             sys.exit(2)
+        text = text.replace(": Value error, ", ": ")  # which typer has from pydantic
         context = getattr(error, "ctx", None)
         message = f"{text.rstrip('.')}; see {context.command_path if context else name} --help"
     except DominoError as error:

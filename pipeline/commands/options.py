@@ -148,6 +148,10 @@ class Given:
         elif self.like is not None:
             values, source = installed_recipe(self._dataset(self.like)).model_dump(), str(self.like)
         values = {k: value for k, value in {**values, **self.values}.items() if k not in without}
+        if self.values.get("events") == ["none"] and "paired" not in self.values:
+            pairs = values.get("paired", [])
+            pairs = pairs if isinstance(pairs, list | tuple) else [pairs]
+            values["paired"] = [key for key in pairs if key not in ("events", "conditions")]
         if self.like is not None and not self.trust and "corrections" not in self.values:
             check_trust(values.get("corrections"), source)
         return recipe_from(values, source, {key: FLAGS[key] for key in self.values})

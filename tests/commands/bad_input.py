@@ -379,6 +379,7 @@ CASES = [
         ("--out memory://pages", "memory://"),
     ),
     *cases("objects", ("--gallery foreign/thesis.txt", "page"), ("--families ,", "--families")),
+    *cases("objects fetch", ("nope", "'source': 'nope' is not one of")),
     *cases(
         "build --tasks click_bell",
         ("--out memory://", "memory:"),

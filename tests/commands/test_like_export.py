@@ -10,7 +10,7 @@ from pipeline.commands.evaluate import named_policy
 from pipeline.commands.options import Given
 from pipeline.data.dataset import Dataset
 from pipeline.data.names import EXPORT_RECORD
-from pipeline.data.recipe.model import Recipe
+from pipeline.data.recipe.model import Recipe, RecipeError
 from pipeline.data.setup import Setup
 from pipeline.evaluate.asking import introduce
 from pipeline.evaluate.episode import start_of
@@ -56,3 +56,13 @@ def test_an_export_gives_the_recipe_of_its_dataset_and_its_actions(tmp_path):
     (tmp_path / EXPORT_RECORD).write_text("{}")
     with pytest.raises(UsageError, match="outside of its dataset"):
         Given(like=tmp_path).recipe()
+
+
+def test_without_events_no_scene_of_a_file_is_paired_by_them(tmp_path):
+    file = tmp_path / "pairs.yaml"
+    file.write_text("tasks: click_bell\nepisodes: 4\nevents: stop\npaired: [levels, events]\n")
+    assert Given(manifest=file).recipe().paired == ("levels", "events")
+    recipe = Given({"events": ["none"]}, file).recipe()
+    assert (recipe.events, recipe.paired) == ((), ("levels",))
+    with pytest.raises(RecipeError, match="paired: events needs events"):
+        Given({"events": ["none"], "paired": ["events"]}, file).recipe()

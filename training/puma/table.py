@@ -7,6 +7,7 @@ from pathlib import Path
 from pipeline.data.parsing import read_yaml
 from pipeline.evaluate.scoring.compare import newest
 from pipeline.evaluate.scoring.summary import Row, over_tasks
+from pipeline.tasks.contract import expand_tasks
 from training.puma.errors import TrainError
 
 TEN = (
@@ -111,9 +112,17 @@ def differences(published: Experiment, episodes: int, rules: str, clock: str) ->
 def printed(name: str, out: Path) -> Iterator[str]:
     """Lines of a table: the rows of an evaluation in `out` beside those of an experiment, and what
     differs. Raises TrainError, CompareError."""
-    published, means = experiment(name), over_tasks(newest(out))
+    published = experiment(name)
+    tasks = {*expand_tasks(published.tasks)}
+    means = over_tasks([row for row in newest(out) if row["task"] in tasks])
+    rows = beside(published, means)
+    if all(row["paper"] for row in rows):
+        raise TrainError(
+            f"{out}: no task of it is in the paper's table {name!r}, which needs `domino-data"
+            f" evaluate {' '.join(published.words())}`"
+        )
     yield f"{published.title}\n"
-    for row in beside(published, means):
+    for row in rows:
         method = row["method"] if row["paper"] else f"-> {row['method']}"
         scores = (_number(row, key) for key in ("success_rate", "manipulation_score"))
         yield f"{method:32} {row['level']} {row['category']:13} {'  '.join(scores)}"

@@ -10,7 +10,7 @@ from .model import CHOOSING, Recipe
 _LISTS = ("tasks", "embodiments", "levels", "domains", "alpha")
 
 
-def differences(held: Recipe, wanted: Recipe) -> list[str]:
+def differences(held: Recipe, wanted: Recipe, phrase: str = "{} is {} there, not {}") -> list[str]:
     """One phrase for each key that changes what is held; image-only ones name `render`."""
     given = ("objects",) if held.assets and wanted.assets else ()
     # a policy is known by its label
@@ -18,7 +18,7 @@ def differences(held: Recipe, wanted: Recipe) -> list[str]:
     values, others = (recipe.model_dump(mode="json", exclude=out) for recipe in (held, wanted))
     changed = [key for key in values if values[key] != others[key]]
     phrases = [
-        f"{key} is {_show_key(held, values, key)} there, not {_show_key(wanted, others, key)}"
+        phrase.format(key, _show_key(held, values, key), _show_key(wanted, others, key))
         for key in changed
     ]
     if changed and set(changed) <= set(IMAGES):

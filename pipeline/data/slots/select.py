@@ -137,10 +137,12 @@ def select_rows(rows: Sequence[Mapping[str, Any]], where: pc.Expression) -> NDAr
 
 
 def values_in(rows: Sequence[Mapping[str, Any]], where: str) -> str:
-    """What the text columns in an expression hold: "embodiment is aloha-agilex"."""
+    """What the text columns in an expression hold: "embodiment is aloha-agilex; none has arm"."""
     named = [n for n, kind in COLUMNS.items() if kind is str and re.search(rf"\b{n}\b", where)]
-    found = {name: sorted({str(row.get(name)) for row in rows}) for name in named}
-    return "; ".join(f"{n} is {' or '.join(v[:8])}" for n, v in found.items())
+    found = {name: sorted({str(row[name]) for row in rows if row.get(name)}) for name in named}
+    return "; ".join(
+        f"{n} is {' or '.join(v[:8])}" if v else f"none has {n}" for n, v in found.items()
+    )
 
 
 def parse_where(text: str) -> pc.Expression:

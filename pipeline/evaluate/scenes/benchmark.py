@@ -211,8 +211,9 @@ def read_benchmark(given: str) -> Benchmark:
             raise BenchmarkError(f"no benchmark {name!r}: there are {known}, or name a file")
     found = unpack_benchmark(read_regular(path, LARGEST), str(path))
     if part and part not in found.head.parts:
-        parts = ", ".join(found.head.parts) or "none"
-        raise BenchmarkError(f"benchmark {found.head.benchmark} has no part {part!r}: {parts}")
+        parts = ", ".join(found.head.parts)
+        there = f"no part {part!r}: choose {parts}" if parts else f"no parts: leave out :{part}"
+        raise BenchmarkError(f"benchmark {found.head.benchmark} has {there}")
     return Benchmark(found.head, found.sha256, found.lines, part)
 
 

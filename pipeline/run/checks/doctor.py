@@ -44,8 +44,12 @@ print(json.dumps({"device": device, "seconds": seconds, "spread": float(image.st
 """
 VULKAN = """
 import json
-from pipeline.world.drawing.vulkan import ensure_renderer
-print(json.dumps({"device": ensure_renderer()}))
+from pipeline.world.drawing.vulkan import NoRenderer, ensure_renderer
+try:
+    answer = {"device": ensure_renderer()}
+except NoRenderer as error:
+    answer = {"why": error.why, "fix": error.fix}
+print(json.dumps(answer))
 """
 RAY = """
 import json, time
@@ -107,9 +111,10 @@ def judge_frame(answer: Mapping[str, Any] | str) -> CheckResult:
 def judge_vulkan(answer: Mapping[str, Any] | str, nodes: Sequence[str]) -> CheckResult:
     """The Vulkan device, which `--render rt` and older looks need."""
     if isinstance(answer, str):
-        why = answer.split(": install ")[0]
-        lost = f"--render rt and datasets of older looks cannot be drawn ({why})"
-        return CheckResult("vulkan", "WARN", lost, DRIVER)
+        answer = {"why": answer, "fix": DRIVER}
+    if "why" in answer:
+        lost = f"--render rt and datasets of older looks cannot be drawn ({answer['why']})"
+        return CheckResult("vulkan", "WARN", lost, answer["fix"])
     device = str(answer["device"])
     software = any(name in device.lower() for name in ("llvmpipe", "swiftshader"))
     if software and nodes:

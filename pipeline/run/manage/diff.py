@@ -74,7 +74,7 @@ def diff(a: Dataset, b: Dataset) -> dict[str, Any]:
         "same": same,
         "differ": [asdict(each) for each in found],
         "why": dict(why.most_common()),
-        "recipes": differences(*recipes),
+        "recipes": differences(*recipes, "{} is {} in A, {} in B"),
     }
 
 

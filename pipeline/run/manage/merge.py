@@ -40,9 +40,12 @@ def merge(sources: Sequence[Dataset], out: Dataset) -> Merged:
     """
     if len(sources) < 2:
         raise DatasetError("merge joins two datasets or more: name another one")
-    there = out.root.resolve()
+    there, seen = out.root.resolve(), set[Path]()
     for source in sources:
         here = source.root.resolve()
+        if here in seen:
+            raise DatasetError(f"{source.root} is named twice: name each dataset once")
+        seen.add(here)
         if here.is_relative_to(there) or there.is_relative_to(here):
             raise DatasetError(
                 f"--out {out.root} is one of the datasets, within one or around it: name another"
@@ -86,7 +89,7 @@ def merge(sources: Sequence[Dataset], out: Dataset) -> Merged:
 def _join_recipes(sources: Sequence[Dataset], recipes: Sequence[Recipe]) -> Recipe:
     first = recipes[0]
     for source, other in zip(sources[1:], recipes[1:], strict=True):
-        if changed := differences(first, other):
+        if changed := differences(first, other, "{} is {} in the first, {} in the second"):
             raise DatasetError(
                 f"{sources[0].root} and {source.root} are of different recipes:"
                 f" {'; '.join(changed)}"

@@ -30,7 +30,14 @@ _PROBE = "import sapien; print(sapien.render.get_device_summary())"
 
 
 class NoRenderer(DominoError):
-    """No Vulkan device that SAPIEN can draw with."""
+    """No Vulkan device that SAPIEN can draw with: `why`, and the `fix`."""
+
+    def __init__(self, why: str, fix: str = DRIVER) -> None:
+        super().__init__(why, fix)
+        self.why, self.fix = why, fix
+
+    def __str__(self) -> str:
+        return f"{self.why}: {self.fix}"
 
 
 @cache
@@ -51,20 +58,21 @@ def ensure_renderer() -> str:
     name, chosen, drivers = _chosen_drivers()
     if drivers and not any(drivers):
         raise NoRenderer(
-            f"{name} names no file that is there ({chosen}): correct it, or unset it to use the"
-            " installed drivers"
+            f"{name} names no file that is there ({chosen})",
+            "correct it, or unset it to use the installed drivers",
         )
     if not chosen and not _gpu_works():
         icd = _lavapipe_icd()
         if icd is None:
-            raise NoRenderer(f"no Vulkan device, which rt and older looks need: {DRIVER}")
+            raise NoRenderer("no Vulkan device, which rt and older looks need")
         os.environ["VK_ICD_FILENAMES"] = chosen = str(icd)
     if "lvp" in chosen:
         limit = resource.getrlimit(resource.RLIMIT_FSIZE)[0]
         if limit != resource.RLIM_INFINITY and limit < _LARGEST_FILE:
             raise NoRenderer(
                 f"files may be no larger than {limit / 1e6:.0f} MB here, and rendering may need"
-                f" {_LARGEST_FILE / 1e6:.0f}: raise the limit (ulimit -f unlimited)"
+                f" {_LARGEST_FILE / 1e6:.0f}",
+                "raise the limit (ulimit -f unlimited)",
             )
     # 1 means a thread beside the one that submits, which waits for it: without it a frame takes a
     # tenth less of a core.
@@ -75,7 +83,7 @@ def ensure_renderer() -> str:
     try:
         return sapien.render.RenderSystem().device.name
     except RuntimeError as error:
-        raise NoRenderer(f"no Vulkan device can be used ({error}): {DRIVER}") from error
+        raise NoRenderer(f"no Vulkan device can be used ({error})") from error
 
 
 def _chosen_drivers() -> tuple[str, str, list[bool]]:

@@ -228,5 +228,5 @@ def test_damaged_files_are_refused(packed, tmp_path):
         read_benchmark(str(tmp_path / "none"))
     path = tmp_path / "own"
     path.write_bytes(packed)
-    with pytest.raises(BenchmarkError, match="has no part"):
+    with pytest.raises(BenchmarkError, match=r"has no part .none.: choose bells$"):
         read_benchmark(f"{path}:none")

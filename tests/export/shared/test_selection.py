@@ -62,6 +62,8 @@ def test_a_selection_that_cannot_be_is_one_line(episodes):
         expression(" ", [])
     with pytest.raises(ExportError, match="embodiment is aloha-agilex or franka-panda"):
         select_episodes(episodes, "embodiment=aloha")
+    with pytest.raises(ExportError, match=r"none has arm$"):
+        select_episodes(episodes, "arm=control")
 
 
 def test_a_format_of_14_joints_takes_the_robots_that_have_them(episodes, tmp_path):

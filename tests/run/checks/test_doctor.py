@@ -35,6 +35,8 @@ def test_frames_and_devices():
     assert judge_frame(DRAWN | {"spread": 0.0}).verdict == "FAIL"
     vulkan = judge_vulkan("exit code 1: no Vulkan device", [])
     assert vulkan.verdict == "WARN" and "no Vulkan device" in vulkan.detail
+    named = judge_vulkan({"why": "VK_ICD_FILENAMES names no file", "fix": "correct it"}, [])
+    assert (named.verdict, named.fix) == ("WARN", "correct it")
     software = {"device": "llvmpipe (LLVM 15)"}
     assert judge_vulkan(software, ["/dev/nvidia0"]).verdict == "WARN"
     assert judge_vulkan(software, []).verdict == "PASS"
@@ -57,6 +59,13 @@ def test_ray():
 def test_this_machine_draws():
     assert judge_frame(attempt(doctor.FRAME)).verdict == "PASS"
     assert judge_vulkan(attempt(doctor.VULKAN), []).verdict == "PASS"
+
+
+def test_a_driver_that_is_not_there_has_its_own_fix(monkeypatch):
+    monkeypatch.setenv("VK_ICD_FILENAMES", "/nonexistent/lvp.json")
+    found = judge_vulkan(attempt(doctor.VULKAN), [])
+    assert found.verdict == "WARN" and "/nonexistent/lvp.json" in found.detail
+    assert "pipeline." not in found.detail and "unset" in found.fix and "Mesa" not in found.fix
 
 
 @pytest.mark.parametrize(("free", "verdict"), [(0.5e9, "FAIL"), (5e9, "WARN"), (50e9, "PASS")])

@@ -110,12 +110,22 @@ def test_what_a_recipe_does_not_have_is_no_damage(tmp_path):
         "not wanted by B, is there in A": 1,
     }
     code, out, _ = inside("diff", b.root, a.root)
+    assert "recipe: episodes is 2 in A, 3 in B\n" in out
     assert code == 1 and f"{third.path}: not wanted by A, is there in B\n" in out
     assert f"{second.path}: is not finished in A, is there in B\n" in out and first.path not in out
 
 
 # --- merge
 # ------------------------------------------------------------------------------------------
+
+
+def test_a_dataset_is_not_merged_with_itself(tmp_path):
+    a = made(tmp_path / "a", {0})
+    (tmp_path / "link").symlink_to(a.root)
+    for again in (a.root, tmp_path / "link"):
+        code, out, err = inside("merge", a.root, again, "--out", tmp_path / "c")
+        assert (code, out, err.count("\n")) == (2, "", 1) and "named twice" in err
+    assert not (tmp_path / "c").exists()
 
 
 def test_parts_of_one_recipe_are_joined_by_hard_links(tmp_path):
@@ -176,7 +186,7 @@ def test_what_cannot_be_joined_is_one_line_and_makes_nothing(tmp_path, fault):
         record(b, second)
     code, out, err = inside("merge", a.root, b.root, "--out", tmp_path / "c")
     said = {
-        "recipe": "seed is 0 there, not 3",
+        "recipe": "seed is 0 in the first, 3 in the second",
         "code": "physics: core",
         "bytes": "with other bytes",
         "damaged": "bytes differ",

@@ -65,6 +65,15 @@ def test_an_evaluation_stands_beside_the_papers_rows(monkeypatch, tmp_path):
     assert any("clock sim" in line for line in lines) and any("20 scenes" in line for line in lines)
 
 
+@pytest.mark.parametrize(("level", "task"), [(3, "click_bell"), (1, "pick_ripe")])
+def test_an_evaluation_of_nothing_that_the_paper_has_is_refused(monkeypatch, tmp_path, level, task):
+    rows = [mean(level, "all", 30.0) | {"task": task}]
+    monkeypatch.setattr("training.puma.table.newest", lambda out: rows)
+    monkeypatch.setattr("training.puma.table.over_tasks", list)
+    with pytest.raises(TrainError, match="no task of it is in the paper's table 'main'"):
+        list(printed("main", tmp_path))
+
+
 def test_the_options_of_an_evaluation_are_those_of_the_experiment():
     words = experiment("slow").words()
     given = dict(zip(words[::2], words[1::2], strict=True))
