@@ -159,6 +159,8 @@ def play_arm(job: EpisodeJob, tape: "list[Answer] | None" = None) -> tuple[Trial
     }
     if scene.choices:
         row["choices"] = scene.choices
+        if (after := scene.give_roles(trial.simulation.roles).choices) != scene.choices:
+            row["choices_after"] = after
     if scene.task.subgoals:
         row["subgoals"] = subgoals_reached(scene.task, row["failed"])
     if job.benchmark:
@@ -171,7 +173,7 @@ def play_arm(job: EpisodeJob, tape: "list[Answer] | None" = None) -> tuple[Trial
         if spec.arm not in ("", CONTROL):
             row["condition"] = "+".join(event.drawn.name for event in given) or "none"
         row["event"] = "+".join(event.drawn.kind for event in happened) or "none"
-        row["phase"] = script.first.phase if script.first else "none"
+        row["phase"] = happened[0].phase if happened else "none"
         row["events"] = [
             {"name": event.drawn.name, "time": event.fired, "phase": event.phase}
             for event in happened

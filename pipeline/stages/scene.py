@@ -192,6 +192,15 @@ class Scene:
         return not failed(self.conditions(log))
 
 
+def spare(
+    spec: EpisodeSpec, task: Task, bodies: Mapping[str, Body], rules: Rules
+) -> dict[str, Body]:
+    """The body that waits for a swap, if the rules have one. Raises PlanFailure("layout")."""
+    if not any("swap" in event.kinds for event in rules.events):
+        return {}
+    return {SWAPPED: replacement(task, bodies, spec.rng("events/swap"))}
+
+
 def build_scene(spec: EpisodeSpec, rules: Rules = STRICT) -> Scene:
     """Lay out a spec's scene: a pure function. Raises Failure("layout")."""
     task = TASKS[spec.task]
@@ -205,10 +214,9 @@ def build_scene(spec: EpisodeSpec, rules: Rules = STRICT) -> Scene:
             lambda point: bool(visible(head.type, head.pose, point, FRAME_MARGIN)),
             lambda bodies: suits(task, bodies, embodiment.sides),
         )
+        bodies |= spare(spec, task, bodies, rules)
     except PlanFailure as failure:
         raise Failure("layout", failure.reason, str(failure)) from failure
-    if any("swap" in event.kinds for event in rules.events):
-        bodies |= {SWAPPED: replacement(task, bodies, spec.rng("events/swap"))}
     others = clutter(spec, bodies, embodiment, rules)
     return Scene(spec, task, embodiment, bodies | others, task.arms(bodies), tuple(others), rules)
 

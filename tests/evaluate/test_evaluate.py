@@ -273,6 +273,7 @@ def test_conditions_try_a_scene_with_every_set_of_its_events():
     rows = [run_episode(replace(job, case=case, setup=setup)) for case in job.case.arms(2)]
     assert [row["condition"] for row in rows] == ["none", "stop", "push", "push+stop"]
     assert [row["event"] for row in rows] == ["none", "stop", "push", "stop+push"]
+    assert [row["phase"] for row in rows] == ["none", *["approach"] * 3]
     plain = run_episode(replace(job, setup=Setup(cameras=())))
     same = ("route_completion", "manipulation_score", "periods", "success")
     assert [rows[0][key] for key in same] == [plain[key] for key in same]

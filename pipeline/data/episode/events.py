@@ -181,7 +181,8 @@ class EventSpec(_Strict):
             raise ValueError(f"names cameras, which {which} does not change")
         late = self.when.meeting is not None or self.when.phase == "after"
         if kinds & EXCHANGES and (late or self.lasts is not None):
-            raise ValueError(f"lasts, or comes after the meeting, which {which} cannot")
+            does = "comes after the meeting" if late else "lasts"
+            raise ValueError(f"{does}, which {which} cannot")
         most = self.amount[1] if isinstance(self.amount, tuple) else self.amount
         if "light" in kinds and (most or 0) > 1:
             raise ValueError("gives an amount above 1: light keeps a share of the light, 0 to 1")

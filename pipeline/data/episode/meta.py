@@ -187,7 +187,8 @@ class EpisodeMeta(_Record):
     """Everything about an episode that is not an array.
 
     `target` moves until the meeting, `manipulated` is what the arms handle, `arms` maps roles to
-    sides, `choices` slots of the sentences to what the scene asks for ("red"). Of the distractors
+    sides, `choices` slots of the sentences to what the scene asks for ("red"), `choices_after` to
+    what an event made of it, if it did. Of the distractors
     `clutter`, `clutter_wanted` were wanted at least and at most. `table_drop` (m) is how much
     higher than in the clean domain robot and head camera are. `meeting_time` (s) is planned; in a
     failed dry run it is the first touch, or the end. `corrects` names the policy that acts before
@@ -204,6 +205,7 @@ class EpisodeMeta(_Record):
     category: Category
     arms: dict[str, Side]
     choices: dict[str, str] = {}
+    choices_after: dict[str, str] = {}
     objects: dict[Name, ObjectInfo]
     clutter: tuple[Name, ...] = ()
     clutter_wanted: tuple[int, int] = CLUTTER
@@ -240,7 +242,14 @@ class EpisodeMeta(_Record):
             values.pop("clutter_wanted", None)
         if self.expert == "planned":
             values.pop("expert", None)
-        for name in ("drive", "choices", "events", "objects_wanted", "corrects"):
+        for name in (
+            "drive",
+            "choices",
+            "choices_after",
+            "events",
+            "objects_wanted",
+            "corrects",
+        ):
             if not getattr(self, name):
                 values.pop(name, None)
         return values

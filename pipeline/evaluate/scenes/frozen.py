@@ -10,8 +10,9 @@ from pipeline.data.episode.visuals import Visuals
 from pipeline.data.setup import Setup
 from pipeline.data.setup.rules import Rules
 from pipeline.data.spec import EpisodeSpec
+from pipeline.planning.failure import PlanFailure
 from pipeline.stages.drawing.render import visuals_of
-from pipeline.stages.scene import Scene
+from pipeline.stages.scene import Scene, spare
 from pipeline.stages.surroundings import Stance, embodiment_of, stance_of
 from pipeline.tasks import TASKS
 from pipeline.tasks.language.sentences import instructions
@@ -93,6 +94,11 @@ class FrozenScene(StrictModel):
         if not suits(task, bodies, robot.sides):
             raise ValueError(f"{spec.embodiment} has not the arms for it")
         clutter = tuple(names[len(names) - self.clutter :])
+        try:
+            own = {name: body for name, body in bodies.items() if name not in clutter}
+            bodies = own | spare(spec, task, own, rules) | bodies
+        except PlanFailure as failure:
+            raise ValueError(str(failure)) from failure
         said = {"seen": self.seen, "unseen": self.unseen}
         return Scene(
             spec, task, robot, bodies, arms, clutter, rules, looks=self.looks, sentences=said

@@ -37,6 +37,7 @@ from pipeline.world.drawing.renderer import is_software
 def episode_of(rollout: Rollout, recipe: Recipe, drawing: Drawing, keys: SlotKeys) -> Episode:
     """The accepted rollout as an episode, without images."""
     scene, task, log = rollout.scene, rollout.scene.task, rollout.replay.log
+    after = scene.by_role(log)[0].choices
     objects = dict[str, ObjectInfo]()
     for name, body in scene.bodies.items():
         words, values = body.instance.words(), vars(body.instance).items()
@@ -54,6 +55,7 @@ def episode_of(rollout: Rollout, recipe: Recipe, drawing: Drawing, keys: SlotKey
         category=task.category,
         arms=scene.arms,
         choices=scene.choices,
+        choices_after=after if after != scene.choices else {},
         objects=objects,
         clutter=scene.clutter,
         clutter_wanted=scene.rules.clutter,

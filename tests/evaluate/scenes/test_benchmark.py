@@ -117,6 +117,18 @@ def test_an_episode_on_a_benchmark_states_it(frozen):
     assert job.key != replace(job, benchmark=frozen.label).key
 
 
+def test_a_swap_has_the_same_body_in_a_scene_from_the_file_and_from_its_seed(cases, frozen):
+    setup = Setup(cameras=(), events=("swap@0.2",))
+    for cell in (CELLS[1], CELLS[6]):  # the second has distractors
+        (own,), (case,) = cases[cell], frozen.cases([cell], 1)[cell]
+        one, two = own.scene(setup), case.scene(setup)
+        assert [*one.bodies] == [*two.bodies]
+        assert one.bodies["event_swap"].instance == two.bodies["event_swap"].instance
+        trial = Trial(two, case.target_motion, setup)
+        trial.hold(60)
+        assert trial.simulation.roles["bell"] == "event_swap"
+
+
 def test_a_part_is_chosen_by_name_and_by_options(frozen):
     recipe = Recipe(tasks=("click_bell",), levels=(1, 3), domains=("clean",), alpha=(0.3,))
     assert frozen.choose(recipe, ["cameras"]) == CELLS
