@@ -139,6 +139,9 @@ class Chaser(_Stream):
     def _follow(self, trial: Trial, plan: Rehearsal) -> Iterator[Floats]:
         planner, target = trial.actor.planner, trial.scene.task.target
         yield plan.actions[: plan.last_skill]
+        scene = trial.scene.give_roles(trial.simulation.roles)
+        if scene is not trial.scene:  # an event gave it another target
+            plan = rehearse(scene, plan.aim, trial.fps) or plan
         rows = plan.actions[plan.last_skill :]
         moving = [
             side

@@ -17,6 +17,7 @@ from pipeline.planning.failure import PlanFailure
 from pipeline.poses import Floats, Pose, compose, inverse
 from pipeline.stages.failure import Failure
 from pipeline.stages.scene import Scene
+from pipeline.world.objects.contract import Family
 from pipeline.world.physics.events import SWAPPED
 
 
@@ -35,7 +36,8 @@ class Rehearsal:
 def rehearse(scene: Scene, aim: Pose, fps: int) -> Rehearsal | None:
     """Plan and run `meet` with the target at `aim` (7,); None without a plan."""
     places = tuple(map(float, np.concatenate([body.pose for body in scene.bodies.values()])))
-    key = _SceneKey(scene.spec, scene.rules, places, scene)
+    instances = tuple(body.instance for body in scene.bodies.values())
+    key = _SceneKey(scene.spec, scene.rules, places, instances, scene)
     return _rehearse(key, tuple(map(float, aim)), fps)
 
 
@@ -44,6 +46,7 @@ class _SceneKey:
     spec: EpisodeSpec
     rules: Rules
     places: tuple[float, ...]
+    instances: tuple[Family, ...]
     scene: Scene = field(compare=False)
 
 
