@@ -6,8 +6,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from pipeline.data.episode.events import EventSpec
+from pipeline.data.setup.rules import Rules
+from pipeline.data.spec import EpisodeSpec
 from pipeline.evaluate.policies import rehearsal
-from pipeline.evaluate.policies.rehearsal import Rehearsal
+from pipeline.evaluate.policies.rehearsal import Rehearsal, rehearse
+from pipeline.stages.scene import build_scene
 
 SCENE, FPS = SimpleNamespace(), 15
 
@@ -49,3 +53,12 @@ def test_what_cannot_be_reached_has_no_plan(monkeypatch):
     aims = rehearsing(monkeypatch, lambda y: False)
     assert rehearsal.meeting_plan(SCENE, FPS, ahead) is None
     assert len(aims) == len(rehearsal.FIRST_GUESSES)
+
+
+def test_a_swapped_body_at_the_same_place_has_a_rehearsal_of_its_own():
+    spec = EpisodeSpec("click_bell", "aloha-agilex", 1, 0.1, "clean", 0, 3)
+    scene = build_scene(spec, Rules(events=(EventSpec(kind="swap"),)))
+    swapped = scene.give_roles({"bell": "event_swap", "event_swap": "bell"})
+    aim = scene.bodies["bell"].pose
+    one, two = (rehearse(each, aim, 15) for each in (scene, swapped))
+    assert one and two and one.actions.tobytes() != two.actions.tobytes()
