@@ -308,7 +308,7 @@ CASES = [
         ("data --out OUT", "two datasets"),
         ("data missing --out OUT", "missing"),
         ("data data --out data", "data"),
-        ("data data --out foreign", "foreign"),
+        ("data data --out OUT", "named twice"),
         ("data data --out data/x", "data"),
     ),
     *cases("gc", ("missing", "missing"), ("foreign", "foreign"), ("file", "file")),

@@ -163,11 +163,11 @@ def train(
 def sizes_of(corpus: Corpus) -> Sizes:
     """Sizes of the network that follow from the data."""
     arrays = corpus.train[0].cache.arrays
-    track, told = corpus.config.model.track, sentences_of(corpus)
+    track = corpus.config.model.track
     return Sizes(
         len(corpus.preprocessing.names),
         arrays["world"].shape[1] if "world" in arrays else 0,
-        len(told) if track is not None and track.nearest_task else 0,
+        len(sentences_of(corpus)) if track is not None and track.nearest_task else 0,
     )
 
 

@@ -110,9 +110,10 @@ def test_what_a_recipe_does_not_have_is_no_damage(tmp_path):
         "not wanted by B, is there in A": 1,
     }
     code, out, _ = inside("diff", b.root, a.root)
-    assert "recipe: episodes is 2 in A, 3 in B\n" in out
     assert code == 1 and f"{third.path}: not wanted by A, is there in B\n" in out
     assert f"{second.path}: is not finished in A, is there in B\n" in out and first.path not in out
+    other = parse_recipe({"tasks": "click_bell", "levels": [1], "episodes": 3, "seed": 3})
+    assert diff(a, made(tmp_path / "c", {0}, other))["recipes"] == ["seed is 0 in A, 3 in B"]
 
 
 # --- merge
