@@ -26,7 +26,7 @@ from .identity.core import code_version
 from .plan import cost_of
 from .provenance import write_provenance
 from .render import draw_variants
-from .slot.fill import FillJob, check_node, fill_in_steps, slot_jobs
+from .slot.fill import FillJob, check_node, demonstrator_of, fill_in_steps, slot_jobs
 from .state import SlotState, missing
 
 ATTEMPT_SECONDS = 600.0
@@ -70,10 +70,8 @@ def build(
 @contextmanager
 def _alone(dataset: Dataset, recipe: Recipe, crew: Crew) -> Iterator[None]:
     new = not dataset.manifest.exists()
-    if new and recipe.corrections:
-        from pipeline.evaluate.correct import Correction  # policies take a second to import
-
-        Correction(recipe).check()
+    if new:
+        demonstrator_of(recipe).check()
     # a cluster that cannot be joined leaves no dataset, which would hold the place for this recipe
     with session(crew) if crew.address and new else nullcontext():
         dataset.create(recipe)

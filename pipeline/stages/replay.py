@@ -39,6 +39,9 @@ class Demonstrator(Protocol):
         """The fields `expert` and `corrects` of EpisodeMeta."""
         ...
 
+    def check(self) -> None:
+        """Raise PolicyError if it cannot act."""
+
     def show(self, scene: Scene, dry: DryRun, motion: TargetMotion, fps: int) -> Replay:
         """The rollout of a scene whose target moves so. Raises Failure."""
         ...
