@@ -112,10 +112,10 @@ class Size:
 FULL = Size()
 TINY = Size(
     "puma-tiny",
-    ("--tasks", "click_bell", "--episodes", "1", "--cameras", "head", "--segmentation"),
+    ("--tasks", "grab_roller", "--episodes", "1", "--cameras", "head", "--segmentation"),
     ("train.steps=1", "train.batch=2", "data.validation=0"),
     ("--stages", "flow,masks", "--mask-source", "sim"),
-    ("--tasks", "click_bell", "--episodes", "1", "--cameras", "head", "--executor", "inline"),
+    ("--tasks", "grab_roller", "--episodes", "1", "--cameras", "head", "--executor", "inline"),
 )
 """One task, one episode a level, one step: whether every command of an experiment fits the next."""
 
