@@ -28,7 +28,6 @@ def build(
     workers: common.Workers = None,
     address: common.Address = None,
     gpus_per_worker: common.Gpus = None,
-    runtime_env: common.RuntimeEnv = None,
     slot_timeout: Annotated[
         float,
         number(
@@ -61,7 +60,7 @@ def build(
     recipe = given.recipe()
     check_events(recipe, recipe.tasks)
     slots = sum(recipe.counts().values())
-    crew = common.crew_of(executor, workers, address, gpus_per_worker, runtime_env, slots)
+    crew = common.crew_of(executor, workers, address, gpus_per_worker, slots)
     if progress not in SHOWN:
         raise common.UsageError(f"--progress {progress!r} is unknown: choose {', '.join(SHOWN)}")
     kind = cast(Kind, "none" if quiet else progress)
@@ -153,7 +152,6 @@ def render(
     workers: common.Workers = None,
     address: common.Address = None,
     gpus_per_worker: common.Gpus = None,
-    runtime_env: common.RuntimeEnv = None,
     quiet: common.Quiet = False,
     as_json: common.AsJson = False,
 ) -> None:
@@ -162,7 +160,7 @@ def render(
     from pipeline.run.render import render as run_render
 
     changes = with_looks(given.values, visuals)
-    crew = common.crew_of(executor, workers, address, gpus_per_worker, runtime_env)
+    crew = common.crew_of(executor, workers, address, gpus_per_worker)
     flags = FLAGS | {"visuals": "--visuals"}
     with common.resumable(out):
         result = run_render(Dataset(dataset), Dataset(out), changes, crew, quiet=quiet, flags=flags)

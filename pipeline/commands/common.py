@@ -14,7 +14,7 @@ import typer
 from pipeline.crew.contract import EXECUTORS, Crew, pick_executor
 from pipeline.crew.signals import Stopped, stop_on_signal
 from pipeline.data.errors import DominoError
-from pipeline.data.parsing import ParseError, read_mapping, show_value
+from pipeline.data.parsing import ParseError, show_value
 from pipeline.data.process.own_code import Finding
 from pipeline.data.reading import printable
 from pipeline.data.store.place import with_urls
@@ -63,9 +63,6 @@ Gpus = Annotated[
         "Each worker's share of a GPU, e.g. 0.25 if four workers share one (docs/cluster.md).",
         show_default="none",
     ),
-]
-RuntimeEnv = Annotated[
-    Path | None, option("A YAML or JSON file: Ray's runtime_env for the processes of --address.")
 ]
 
 
@@ -159,7 +156,6 @@ def crew_of(
     workers: int | None,
     address: str | None,
     gpus: float | None = None,
-    runtime_env: Path | None = None,
     jobs: int | None = None,
 ) -> Crew:
     """The workers that the options select for a number of jobs; an address selects Ray."""
@@ -170,23 +166,7 @@ def crew_of(
     if address is not None and not re.fullmatch(r"[A-Za-z0-9._-]{1,253}:[0-9]{1,5}", address):
         raise UsageError(f"--address {show_value(address)} is not HOST:PORT, e.g. 10.0.0.1:6379")
     name, count = pick_executor("ray" if address else executor, workers, jobs)
-    return Crew(name, count, address, gpus=gpus or 0.0, runtime_env=runtime_env_of(runtime_env))
-
-
-def runtime_env_of(path: Path | None) -> dict[str, Any]:
-    """Ray's runtime_env from a file; empty without one. Raises UsageError in one line."""
-    if path is None:
-        return {}
-    try:
-        values = read_mapping(path, "env_vars: {NAME: value}")
-    except ParseError as error:
-        raise UsageError(f"--runtime-env {error}") from error
-    variables = values.get("env_vars", {})
-    if not isinstance(variables, dict) or not all(
-        isinstance(word, str) for pair in variables.items() for word in pair
-    ):
-        raise UsageError(f"--runtime-env {path}: env_vars is not like {{NAME: 'value'}}")
-    return values
+    return Crew(name, count, address, gpus=gpus or 0.0)
 
 
 def print_findings(findings: Mapping[str, Sequence[Finding]], as_json: bool) -> None:

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from pipeline.cli import main
-from tests.commands.bad_places import ODD, RECIPES, VARIABLES
+from tests.commands.bad_places import ODD, RECIPES
 from training.puma.cli import main as puma
 
 EPISODE = "episodes/click_bell/aloha-agilex/L1/clean/episode_0000000.hdf5"
@@ -424,32 +424,9 @@ CASES = [
     *(
         Case((*words.split(), f"odd/{name}"), name)
         for name in ODD
-        for words in (
-            ()
-            if name.endswith(".json")
-            else (
-                "plan --manifest",
-                "puma bench --config",
-                "build --out OUT --address 127.0.0.1:1 --runtime-env",
-            )
-        )
+        for words in (() if name.endswith(".json") else ("plan --manifest", "puma bench --config"))
     ),
     Case(("build", "--out", "OUT", "--seed", "3"), "--yes"),
-    *(
-        Case(
-            (
-                "build",
-                "--out",
-                "OUT",
-                "--address",
-                "127.0.0.1:1",
-                "--runtime-env",
-                f"odd/env-{name}.yaml",
-            ),
-            name,
-        )
-        for name in VARIABLES
-    ),
     *(
         Case(("puma", "train", "--out", "OUT", "--set", setting), said)
         for setting, said in (

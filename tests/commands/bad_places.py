@@ -124,14 +124,6 @@ ODD = {
 }
 """Files that no JSON or YAML is read from, wherever one is given."""
 
-VARIABLES = {
-    "null": "env_vars: ~",
-    "lists": "env_vars: [a]",
-    "numbers": "env_vars: {A: 1}",
-    "no-map": "~",
-}
-"""Runtime environments that Ray is not given."""
-
 
 def furnish(root: Path) -> None:
     """Write everything below `root`."""
@@ -146,8 +138,6 @@ def furnish(root: Path) -> None:
     (root / "odd").mkdir()
     for name, data in ODD.items():
         (root / "odd" / name).write_bytes(data)
-    for name, text in VARIABLES.items():
-        (root / "odd" / f"env-{name}.yaml").write_text(text)
     (root / "file").write_text("x")
     (root / "foreign").mkdir()
     (root / "foreign" / "thesis.txt").write_text("precious")

@@ -154,13 +154,6 @@ def test_a_cluster_that_is_not_there_is_one_line():
         assert "\n" not in str(caught.value)
 
 
-def test_a_runtime_environment_that_ray_refuses_is_one_line():
-    crew = Crew("ray", 1, "127.0.0.1:1", runtime_env={"env_vars": {"NUMBER": 1}})
-    with pytest.raises(CrewError, match=r"^--runtime-env: .*env_vars") as caught, session(crew):
-        raise AssertionError
-    assert "\n" not in str(caught.value)
-
-
 @pytest.mark.usefixtures("ray_session")
 def test_workers_do_every_job_once_and_what_is_appended_too_off_the_main_thread_as_well():
     results = []
