@@ -10,6 +10,7 @@ from typing import Annotated, Any, Literal
 import typer
 
 from pipeline.data.dataset import Dataset, forbidden, licences_in
+from pipeline.data.parsing import real
 from pipeline.data.process.machine import usable_cores
 from pipeline.data.slots.select import VALIDATION
 
@@ -24,6 +25,7 @@ from .common import (
     names_nothing,
     note,
     number,
+    numbers,
     option,
     print_result,
     split_list,
@@ -143,6 +145,19 @@ def export(
     validation: Annotated[
         float, number(0, 0.9, "Share of physics episodes in the split named validation.")
     ] = VALIDATION,
+    fps: Annotated[
+        int | None,
+        number(
+            1,
+            240,
+            "Frames a second, a divisor of 240; images are drawn again between frames.",
+            show_default="as recorded",
+        ),
+    ] = None,
+    weights: Annotated[
+        str | None,
+        option("Shares of the episodes of several datasets, like 2,1; without it all of them."),
+    ] = None,
     workers: Workers = None,
     quiet: Quiet = False,
     as_json: AsJson = False,
@@ -163,6 +178,8 @@ def export(
         where,
         validation,
         [Dataset(root) for root in also or ()],
+        numbers(weights, real, "--weights"),
+        fps,
     )
     made = run_export(source, request, workers or usable_cores(), not as_json and not quiet)
     if made.warning:

@@ -25,7 +25,7 @@ from pipeline.export.shared.record import read_record
 from pipeline.report.card import describe
 
 from .identity.core import shared_physics
-from .joined import DatasetPart, join
+from .joined import DatasetPart, join, weigh
 
 JOINED = ("lerobot", "lerobot-v2.1", "rlds", "zarr")
 CORRECTED = ("lerobot", "parquet")  # formats whose frames say who acted
@@ -34,8 +34,9 @@ CORRECTED = ("lerobot", "parquet")  # formats whose frames say who acted
 @dataclass(frozen=True)
 class Request:
     """What to export: the format, its options by field name, and which episodes. `split` is
-    EPISODES or FAILURES; `validation` is a share. `also` are further datasets; then `out` must be
-    given."""
+    EPISODES or FAILURES; `validation` is a share. `also` are further datasets, each with its part
+    by `weights` or with all episodes; then `out` must be given. `fps` resamples
+    (data/episode/resample.py)."""
 
     format: str
     options: Mapping[str, str | bool] = field(default_factory=dict)
@@ -45,6 +46,8 @@ class Request:
     where: str | None = None
     validation: float = VALIDATION
     also: Sequence[Dataset] = ()
+    weights: Sequence[float] = ()
+    fps: int | None = None
 
 
 @dataclass(frozen=True)
@@ -75,6 +78,8 @@ def export(source: Dataset, request: Request, workers: int = 1, progress: bool =
         found = sorted(_intact(dataset, recipe, failures))
         chosen = select_episodes(found, fits, request.validation, attempts)
         parts.append(DatasetPart(dataset, chosen))
+    if request.weights:
+        parts = weigh(parts, request.weights)
     episodes = [path for part in parts for path in part.episodes]
     name = f"{request.format}-failures" if failures else request.format
     place = request.out or source.exports(name)
@@ -94,11 +99,14 @@ def export(source: Dataset, request: Request, workers: int = 1, progress: bool =
             where=fits,
             validation=request.validation,
         )
-        if request.also:
+        if request.also or request.fps:
             place.parent.mkdir(parents=True, exist_ok=True)
             folder = TemporaryDirectory(dir=place.parent, prefix=".joined-")
             root = Path(stack.enter_context(folder))
-            made, given = join(parts, root), {"datasets": len(datasets)}
+            made = join(parts, root, request.fps)
+            given: dict[str, Any] = {"fps": request.fps} if request.fps else {}
+            if request.also:
+                given |= {"datasets": len(datasets), "weights": list(request.weights)}
             job = replace(job, dataset=root, episodes=list(made), origins=made, given=given)
         stack.enter_context(replace_directory(place))
         summary = exporter.export(job)
@@ -116,6 +124,12 @@ def _check_join(request: Request, recipes: Sequence[Recipe]) -> None:
         )
     if request.also and request.out is None:
         raise ExportError("several datasets need --out: their export belongs to none of them")
+    if any(weight <= 0 for weight in request.weights):
+        raise ExportError("--weights: each must be above 0")
+    if request.weights and len(request.weights) != len(recipes):
+        raise ExportError(
+            f"--weights has {len(request.weights)} numbers for {len(recipes)} datasets"
+        )
     if request.format not in CORRECTED and any(recipe.corrections for recipe in recipes):
         raise ExportError(
             f"--format {request.format} cannot say which actions are the policy's: corrections need"

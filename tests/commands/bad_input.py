@@ -390,6 +390,7 @@ CASES = [
         ("--size 100000x100000", "--size"),
         ("--pad 14", "--pad-rows"),
         ("--rotation 6d", "--actions"),
+        ("--weights 0,1", "must be above 0"),
         ("--size 15x15", "--size"),
     ),
     *cases(
