@@ -1,6 +1,7 @@
 """evaluate: policies in closed loop."""
 
-from collections.abc import Iterator
+from collections import defaultdict
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -26,21 +27,20 @@ from .common import (
     option,
     print_result,
     resumable,
+    table,
 )
 from .options import CELLS, SETUP, Given, recipe_options
 
 if TYPE_CHECKING:
-    from pipeline.evaluate.evaluate import EvaluationResult
     from pipeline.evaluate.policies.policy import PolicyName
+
+type Row = dict[str, Any]
 
 MOST_EPISODES = 100_000
 
 REAL_TIME = "paused,100,300"
 """The clocks of the suite `decide`."""
 
-Baselines = Annotated[
-    bool, option("Also evaluate `static` and `still` on the same scenes.", "--baselines")
-]
 PolicyText = Annotated[
     str,
     option(
@@ -117,7 +117,6 @@ def evaluate(
     compounding: Annotated[
         bool, option("Apply the clutter penalty to every distractor, as the original does.")
     ] = False,
-    baselines: Baselines = False,
     paired: Annotated[
         bool,
         option(
@@ -157,12 +156,11 @@ def evaluate(
     """Evaluate a policy in closed loop: success rate, route completion and manipulation score, with
     intervals."""
     from pipeline.evaluate.asking import ANSWERS
-    from pipeline.evaluate.evaluate import BASELINES, together
     from pipeline.evaluate.evaluate import evaluate as run_evaluation
+    from pipeline.evaluate.evaluate import together
     from pipeline.evaluate.names import POLICIES, is_ours
     from pipeline.evaluate.scenes.benchmark import read_benchmark
     from pipeline.evaluate.scoring.clock import parse_clock
-    from pipeline.evaluate.scoring.summary import by_clock, table
     from pipeline.run.evaluation import EPISODE_SECONDS, evaluation_of, runner
     from pipeline.run.names import check_events
     from pipeline.tasks.contract import expand_tasks
@@ -201,7 +199,6 @@ def evaluate(
         compounding=compounding,
         films=films,
         answer_seconds=answer_seconds,
-        baselines=baselines,
         paired=paired,
         conditions=conditions,
     )
@@ -212,13 +209,9 @@ def evaluate(
     tried = [evaluation.clock, *others]
     if len({*tried}) < len(tried):
         raise UsageError(f"--clock {clock} names a clock twice: name each once")
-    scripted = [
-        name
-        for name in (policy, *(BASELINES if baselines else ()))
-        if is_ours(name) and getattr(POLICIES[name.partition(":")[0]], "scripted", False)
-    ]
+    scripted = is_ours(policy) and getattr(POLICIES[policy.partition(":")[0]], "scripted", False)
     if scripted and (late := [one.name for one in tried if one.join]):
-        why = f"--policy {scripted[0]} cannot overlap its chunks"
+        why = f"--policy {policy} cannot overlap its chunks"
         raise UsageError(f"--clock {late[0]}: {why}: use latency:...")
     check_events(setup, dict.fromkeys(cell.task for cell in evaluation.cells), evaluated=True)
     if (paired or conditions) and not setup.events:
@@ -243,9 +236,9 @@ def evaluate(
             "warning: episodes without a valid answer of the policy, which count as failed:"
             f" {count} ({first})"
         )
-    text = [table(outcome.cells), *_mean_lines(outcome)]
+    text = [describe(outcome.cells, outcome.means), *describe_conditions(outcome.means)]
     if others:
-        text = by_clock(outcome.cells, outcome.means)
+        text = [describe_clocks(outcome.cells, outcome.means)]
     if paired:
         text.append(f"with events; against without: domino-data compare {out}")
     if outcome.benchmark:
@@ -253,27 +246,78 @@ def evaluate(
     print_result(outcome.to_dict(), as_json, "\n".join(text))
 
 
-def _mean_lines(outcome: "EvaluationResult") -> list[str]:
-    from pipeline.evaluate.scoring.summary import two_by_two
-
-    same = ("level", "alpha", "domain", "condition", "embodiment", "category")
-
-    def line(row: dict[str, Any], name: str) -> str:
-        return (
-            f"{name}: SR {row['success_rate']:.1f} %, RC {row['route_completion']:.1f}, MS"
-            f" {row['manipulation_score']:.1f}"
+def describe(cells: Sequence[Row], means: Sequence[Row]) -> str:
+    """Cells and means over tasks as aligned text, without empty columns."""
+    rows = list[Row]()
+    for row in (*cells, *means):
+        low, high = row.get("success_interval") or row["success_rate_interval"]
+        failures = row.get("failures", {}) | {"unreachable poses": row.get("unreachable", 0)}
+        hold = row.get("hold")
+        rows.append(
+            _place(row)
+            | {
+                "rules": row["rules"],
+                "truth": "sees" if row["sees_truth"] else "-",
+                "process": row["process"],
+                "n": row["episodes"],
+                "SR %": f"{row['success_rate']:.1f}",
+                "(95 %)": f"{low:.1f}-{high:.1f}",
+                "RC": f"{row['route_completion']:.1f}",
+                "MS": f"{row['manipulation_score']:.1f}",
+                "hold s": "-" if hold is None else f"{hold:.2f}",
+                "failures": ", ".join(f"{name} {n}" for name, n in failures.items() if n),
+            }
         )
+    return _table_of(rows)
 
-    lines = list[str]()
-    for mean in outcome.means:
-        where = f" [{mean['condition']}]" if mean["condition"] else ""
-        of = f"mean of {mean['tasks']} tasks ({mean['category']}), level {mean['level']}{where}"
-        lines.append(line(mean, of))
-        for row in outcome.baselines:
-            if all(row[key] == mean[key] for key in same):
-                of = f"{row['episodes']} of these {mean['episodes']} scenes"
-                lines.append(line(row, f"   {row['policy']} on {of}"))
-    return [*lines, *two_by_two(outcome.means)]
+
+def describe_clocks(cells: Sequence[Row], means: Sequence[Row]) -> str:
+    """Success rates (per cent) by clock, and what the first clock hides."""
+    from pipeline.evaluate.scoring.page import clock_title
+
+    lines = dict[tuple[Any, ...], Row]()
+    for row in (*cells, *(mean for mean in means if mean["category"] == "all")):
+        line = lines.setdefault((*_place(row).values(), row["rules"]), _place(row))
+        line[clock_title(row["clock"])] = f"{row['success_rate']:.1f}"
+    rates = defaultdict[str, list[float]](list)
+    for row in cells:
+        rates[clock_title(row["clock"])].append(row["success_rate"])
+    first, *others = ((name, sum(each) / len(each)) for name, each in rates.items())
+    lost = ", ".join(f"{first[1] - rate:.1f} at {name}" for name, rate in others)
+    return f"{_table_of([*lines.values()])}\nWhat {first[0]} hides, in points of SR: {lost}"
+
+
+def describe_conditions(means: Sequence[Row]) -> list[str]:
+    """Tables of success rates (per cent) under two conditions, with their interaction."""
+    groups, out = defaultdict[Any, dict[str, float]](dict), list[str]()
+    for mean in means:
+        if mean["category"] == "all":
+            place = {k: v for k, v in _place(mean).items() if k != "condition"}
+            groups[(*place.values(), mean["rules"])][mean["condition"]] = mean["success_rate"]
+    for (_, _, level, *_), rates in groups.items():
+        one, _, two = max(rates, key=lambda name: name.count("+")).partition("+")
+        if "+" in two or {*rates} != {"none", one, two, f"{one}+{two}"}:
+            continue
+        neither, first, second, both = (rates[n] for n in ("none", one, two, f"{one}+{two}"))
+        body = [
+            (f"no {one}", f"{neither:.1f}", f"{second:.1f}"),
+            (one, f"{first:.1f}", f"{both:.1f}"),
+            ("interaction, points", f"{both - first - second + neither:+.1f}", ""),
+        ]
+        out.append(table((f"SR %, level {level}", f"no {two}", two), body))
+    return out
+
+
+def _place(row: Row) -> Row:
+    name = row.get("task") or f"mean of {row['tasks']} tasks ({row['category']})"
+    where = {"task": name, "robot": row["embodiment"], "L": row["level"]}
+    where |= {"alpha": f"{row['alpha']:g}", "domain": row["domain"]}
+    return where | {"condition": row["condition"]}
+
+
+def _table_of(rows: Sequence[Row]) -> str:
+    head = [name for name in rows[0] if any(row[name] != "" for row in rows)] if rows else []
+    return table(head, [[row[name] for name in head] for row in rows])
 
 
 def named_policy(

@@ -25,15 +25,13 @@ from .names import is_built_in
 from .policies.policy import PolicyError, PolicyName, Start
 from .scenes.benchmark import Benchmark
 from .scenes.benchmark_rows import RecordedBenchmark
-from .scenes.case import BLIND, BenchmarkError, Case, blind, in_every_arm
+from .scenes.case import BLIND, BenchmarkError, Case, in_every_arm
 from .scenes.manifests import Manifests, Runner
 from .scoring.clock import Clock
-from .scoring.page import caption, film_path, page
+from .scoring.page import board_page, film_path
 from .scoring.results import EPISODES, Results, check_episode, text_key
-from .scoring.summary import Row, each_scene_once, over_tasks, summarise
+from .scoring.summary import Row, over_tasks, summarise
 from .serving.client import ANSWER_SECONDS
-
-BASELINES = ("static", "still")  # one solves still scenes, one does nothing
 
 
 @dataclass(frozen=True)
@@ -52,7 +50,6 @@ class Evaluation:
     code: str = ""
     films: int = 0
     answer_seconds: float = ANSWER_SECONDS
-    baselines: bool = False
     paired: bool = False
     conditions: bool = False
     made_by: Mapping[str, Any] = field(default_factory=dict)
@@ -61,12 +58,10 @@ class Evaluation:
 
 @dataclass(frozen=True)
 class EvaluationResult:
-    """A row for every cell, means over tasks, and means of BASELINES on the scenes that they tried;
-    `run` episodes were run by this call."""
+    """A row for every cell, and means over tasks; `run` episodes were run by this call."""
 
     cells: list[Row]
     means: list[Row]
-    baselines: list[Row]
     run: int
     path: Path
     page: Path
@@ -78,8 +73,7 @@ class EvaluationResult:
         return dict(counts.most_common())
 
     def to_dict(self) -> dict[str, Any]:
-        values: dict[str, Any] = {"results": self.cells, "means": self.means}
-        values |= {"baselines": self.baselines, "run": self.run}
+        values: dict[str, Any] = {"results": self.cells, "means": self.means, "run": self.run}
         if self.benchmark:
             values["benchmark"] = self.benchmark.model_dump()
         return values | {"episodes": str(self.path), "page": str(self.page)}
@@ -116,44 +110,31 @@ def evaluate(
         admitted = frozen or seeds.admitted(evaluation.cells, evaluation.episodes, run)
         if evaluation.conditions:
             admitted = in_every_arm(admitted, len(evaluation.setup.events))
-        plain = replace(evaluation, setup=blind(evaluation.setup), films=0)
-        policies = [PolicyName(name, name, process="evaluator") for name in BASELINES]
-        beside = [replace(plain, policy=policy) for policy in policies]
-        tried = [evaluation, *(beside if evaluation.baselines else ())]
-
-        def jobs_of(each: Evaluation) -> list[list[EpisodeJob]]:
-            return [[_job(each, case) for case in cases] for cases in admitted.values()]
-
-        wanted = list[EpisodeJob]()
-        for jobs in chain(*map(jobs_of, tried)):
-            SystemRandom().shuffle(jobs)  # a policy that counts episodes learns nothing
-            wanted += jobs
-        missing = [job for job in wanted if text_key(job.key) not in results]
-        if missing:
-            for done, (job, (row, commands)) in enumerate(run(run_recorded, missing), 1):
-                key = text_key(job.key)
-                write_atomic(actions_file(out, key), commands)
-                results.append(key, row)
-                tell(f"{done} of {len(missing)} episodes")
-        rows = results.of(text_key(job.key) for job in chain(*jobs_of(evaluation)))
-        theirs = chain(*chain(*map(jobs_of, beside)))
-        others = results.of(text_key(job.key) for job in theirs)
-        for each in tried if any(admitted.values()) else ():
-            note_result(out, _result(each, seeds, admitted, results))
+        wanted = [[_job(evaluation, case) for case in cases] for cases in admitted.values()]
+        missing = list[EpisodeJob]()
+        for jobs in wanted:
+            left = [job for job in jobs if text_key(job.key) not in results]
+            SystemRandom().shuffle(left)  # a policy that counts episodes learns nothing
+            missing += left
+        ends = run(run_recorded, missing) if missing else ()
+        for done, (job, (row, commands)) in enumerate(ends, 1):
+            key = text_key(job.key)
+            write_atomic(actions_file(out, key), commands)
+            results.append(key, row)
+            tell(f"{done} of {len(missing)} episodes")
+        rows = results.of(text_key(job.key) for job in chain(*wanted))
+        if rows:
+            note_result(out, _result(evaluation, seeds, admitted, rows))
         _film(evaluation, admitted, out, run, tell)
         page = _write_page(evaluation.code, results, out)
-        means = over_tasks(rows), over_tasks(others)
         noted = evaluation.benchmark and evaluation.benchmark.record(len(rows))
-        files = results.path, page
-        return EvaluationResult(summarise(rows), *means, len(missing), *files, noted)
+        run_now, files = len(missing), (results.path, page)
+        return EvaluationResult(summarise(rows), over_tasks(rows), run_now, *files, noted)
 
 
 def together(outcomes: Iterable[EvaluationResult]) -> EvaluationResult:
     each = [*outcomes]
-    rows = {
-        name: [row for one in each for row in getattr(one, name)]
-        for name in ("cells", "means", "baselines")
-    }
+    rows = {n: [row for one in each for row in getattr(one, n)] for n in ("cells", "means")}
     return replace(each[-1], **rows, run=sum(one.run for one in each))
 
 
@@ -161,7 +142,7 @@ def _result(
     evaluation: Evaluation,
     seeds: Manifests,
     admitted: Mapping[Cell, Sequence[Case]],
-    results: Results,
+    rows: Sequence[Row],
 ) -> RecordedResult:
     cases = [case for of_cell in admitted.values() for case in of_cell]
     return RecordedResult(
@@ -175,7 +156,7 @@ def _result(
         episodes=evaluation.episodes,
         cells=tuple(asdict(cell) for cell in evaluation.cells),
         scenes=hash_scenes(cases),
-        rows=hash_rows(results.of(text_key(_job(evaluation, case).key) for case in cases)),
+        rows=hash_rows(rows),
         made_by=dict(evaluation.made_by),
         benchmark=evaluation.benchmark and evaluation.benchmark.record(len(cases)),
     )
@@ -210,13 +191,8 @@ def _film(
 
 
 def _write_page(code: str, results: Results, out: Path) -> Path:
-    mine = [row for row in results.rows() if json.loads(row["key"])[0] == code]
-    rows = sorted(each_scene_once(mine), key=lambda row: row["key"])
-    filmed = ((row, film_path(out, row["key"])) for row in rows)
-    films = [(caption(row), path.read_bytes()) for row, path in filmed if path.exists()]
-    path = out / "index.html"
-    benchmark = rows[0].get("benchmark", "") if rows else ""
-    write_atomic(path, page(summarise(rows), over_tasks(rows), films, code, benchmark).encode())
+    rows = [row for row in results.rows() if json.loads(row["key"])[0] == code]
+    write_atomic(path := out / "index.html", board_page({out: rows}).encode())
     return path
 
 

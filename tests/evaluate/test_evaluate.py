@@ -10,13 +10,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from pipeline.commands.evaluate import describe_conditions
 from pipeline.data.setup import Setup
 from pipeline.evaluate.episode import EpisodeJob, run_episode
 from pipeline.evaluate.names import make_policy, policy_name
 from pipeline.evaluate.policies.policy import PolicyError
 from pipeline.evaluate.scenes.case import expert_actions
 from pipeline.evaluate.scoring.clock import parse_clock
-from pipeline.evaluate.scoring.summary import over_tasks, two_by_two
+from pipeline.evaluate.scoring.summary import over_tasks
 from pipeline.run.evaluation import evaluation_version
 from pipeline.run.identity.core import code_version
 from tests.evaluate.environment.test_env import case_of
@@ -279,7 +280,7 @@ def test_conditions_try_a_scene_with_every_set_of_its_events():
     assert [rows[0][key] for key in same] == [plain[key] for key in same]
     assert len({row["manipulation_score"] for row in rows}) > 1
     means = over_tasks(rows)
-    table = two_by_two(means)
+    table = describe_conditions(means)[0].splitlines()
     rates = [100.0 * row["success"] for row in rows]
     assert [float(line.split()[-2]) for line in table[1:3]] == [rates[0], rates[2]]
-    assert float(table[3].split()[1]) == rates[3] - rates[1] - rates[2] + rates[0]
+    assert float(table[3].split()[2]) == rates[3] - rates[1] - rates[2] + rates[0]

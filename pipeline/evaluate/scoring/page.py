@@ -1,4 +1,4 @@
-"""Pages of one HTML file: an evaluation, and a table of several."""
+"""The page of one or several evaluations, one HTML file."""
 
 import hashlib
 import re
@@ -11,80 +11,7 @@ from typing import Any
 from pipeline.html import render_page
 
 from .compare import check_one_benchmark
-from .summary import Row, each_scene_once, over_tasks, scene_of, summarise
-
-WIDTH, HEIGHT = 260.0, 180.0  # of the area of a panel, in the units of its picture
-
-COLORS = ("#2563eb", "#d97706", "#059669", "#dc2626", "#7c3aed", "#0891b2", "#be185d", "#4d7c0f")
-PARTS = ("policy", "clock", "rules", "embodiment", "domain", "condition")
-
-
-Point = namedtuple("Point", "x y low high")
-
-Line = namedtuple("Line", "label color points")
-Panel = namedtuple("Panel", "title ticks lines")
-"""One level: ticks of alpha as (x, text), and a line a policy."""
-
-
-def panels(means: Sequence[Row]) -> list[Panel]:
-    """One a level. A target that does not move is at alpha 0 in each."""
-    rows = [row for row in means if row["category"] == "all"]
-    parts = [part for part in PARTS if part == "policy" or len({row.get(part) for row in rows}) > 1]
-    labels = [", ".join(str(row.get(part, "")) for part in parts) for row in rows]
-    colors = {label: COLORS[i % len(COLORS)] for i, label in enumerate(dict.fromkeys(labels))}
-    levels = sorted({row["level"] for row in rows if _alpha(row)}) or ([0] if rows else [])
-    out = []
-    for level in levels:
-        named = zip(labels, rows, strict=True)
-        here = [(n, row) for n, row in named if row["level"] == level or not _alpha(row)]
-        alphas = sorted({_alpha(row) for _, row in here})
-        most = max(alphas) or 1.0
-        lines = list[Line]()
-        for label, color in colors.items():
-            mine = {_alpha(row): row for name, row in here if name == label}
-            points = tuple(_point(WIDTH * alpha / most, mine[alpha]) for alpha in sorted(mine))
-            if points:
-                lines.append(Line(label, color, points))
-        ticks = tuple((WIDTH * alpha / most, f"{alpha:g}") for alpha in alphas)
-        out.append(Panel(f"level {level}" if level else "still", ticks, tuple(lines)))
-    return out
-
-
-def _alpha(row: Row) -> float:
-    return float(row["alpha"]) if row["level"] else 0.0
-
-
-def _point(x: float, row: Row) -> Point:
-    low, high = row["success_rate_interval"]
-    return Point(x, *(HEIGHT * (1 - rate / 100) for rate in (row["success_rate"], low, high)))
-
-
-type Film = tuple[str, bytes]
-"""Caption and mp4."""
-
-
-def page(
-    cells: Sequence[Row],
-    means: Sequence[Row],
-    films: Sequence[Film] = (),
-    code: str = "",
-    benchmark: str = "",
-) -> str:
-    """The page's text; `cells` and `means` are those of summary.py."""
-    version = f"Code {code[:12]}." if code else ""
-    version += f" Benchmark {benchmark}." if benchmark else ""
-    episodes = sum(cell["episodes"] for cell in cells)
-    values = {"cells": cells, "means": means, "panels": panels(means), "films": films}
-    values |= {"published": PUBLISHED, "episodes": episodes, "code": version}
-    return render_page("pipeline.evaluate", "evaluation.html", **values)
-
-
-def caption(row: Row) -> str:
-    outcome = "success" if row["success"] else f"{row['failure']} ({', '.join(row['failed'])})"
-    where = f"{row['task']}, level {row['level']}, alpha {row['alpha']:g}, {row['domain']}"
-    where += f", seed {row['seed']}"
-    truth = " (sees the truth)" if row["sees_truth"] else ""
-    return f"{row['policy']}{truth}: {where}: {outcome}, MS {row['manipulation_score']:.0f}"
+from .summary import CELL, Row, each_scene_once, over_tasks, scene_of, summarise
 
 
 @dataclass(frozen=True)
@@ -196,20 +123,23 @@ def films_of(bundles: Mapping[Path, Sequence[Row]]) -> list[tuple[str, list[tupl
     ]
 
 
-def board_page(bundles: Mapping[Path, Sequence[Row]], faults: Mapping[Path, Sequence[str]]) -> str:
+def board_page(
+    bundles: Mapping[Path, Sequence[Row]], faults: Mapping[Path, Sequence[str]] | None = None
+) -> str:
     """The page's text; `faults` are those of check-result. Raises CompareError for two
     benchmarks."""
-    rows = [row for of_bundle in bundles.values() for row in of_bundle]
-    benchmark = check_one_benchmark(rows)
+    rows = each_scene_once([row for of_bundle in bundles.values() for row in of_bundle])
+    faults = faults or {}
     checks = [(out.name, len(bundles[out]), "; ".join(f[:3]), len(f)) for out, f in faults.items()]
     return render_page(
         "pipeline.evaluate",
         "board.html",
         board=board(rows),
-        benchmark=benchmark,
+        cells=sorted(summarise(rows), key=lambda cell: [str(cell[key]) for key in CELL]),
+        benchmark=check_one_benchmark(rows),
         films=films_of(bundles),
         checks=checks,
-        episodes=len(each_scene_once(rows)),
+        episodes=len(rows),
         published=PUBLISHED,
         clock_title=clock_title,
     )

@@ -101,50 +101,6 @@ def over_tasks(rows: Sequence[Row]) -> list[Row]:
     return out
 
 
-def two_by_two(means: Sequence[Row]) -> list[str]:
-    """Lines of a table of success rates (per cent) under two conditions, and their interaction."""
-    groups: dict[tuple[Any, ...], dict[str, float]] = defaultdict(dict)
-    for mean in means:
-        if mean["category"] == "all":
-            key = tuple(mean[name] for name in CELL if name not in ("task", "condition"))
-            groups[key][mean["condition"]] = mean["success_rate"]
-    out = list[str]()
-    for key, rates in groups.items():
-        one, _, two = max(rates, key=lambda name: name.count("+")).partition("+")
-        if "+" in two or {*rates} != {"none", one, two, f"{one}+{two}"}:
-            continue
-        neither, first, second, both = (rates[n] for n in ("none", one, two, f"{one}+{two}"))
-        out += [
-            f"SR %, {key[0]}, level {key[4]}{'':10}no {two:10} {two}",
-            f"{'no ' + one:>30} {neither:10.1f} {second:10.1f}",
-            f"{one:>30} {first:10.1f} {both:10.1f}",
-            f"{'interaction':>30} {both - first - second + neither:+10.1f} points",
-        ]
-    return out
-
-
-def by_clock(cells: Sequence[Row], means: Sequence[Row]) -> list[str]:
-    """Lines of a table of success rates (per cent) by clock, and what the first clock hides."""
-    clocks = [*dict.fromkeys(row["clock"] for row in cells)]
-    names = {"sim": "paused"} | {c: f"{c.removeprefix('latency:')} ms" for c in clocks[1:]}
-    apart = [key for key in CELL if key != "clock"]
-    groups: dict[tuple[Any, ...], dict[str, float]] = defaultdict(dict)
-    for row in [*cells, *(mean for mean in means if mean["category"] == "all")]:
-        key = tuple(row.get(name, f"mean of {row.get('tasks')} tasks") for name in apart)
-        groups[key][row["clock"]] = row["success_rate"]
-    out = ["SR %".ljust(56) + "".join(f"{names.get(clock, clock):>14}" for clock in clocks)]
-    for key, rates in groups.items():
-        of = dict(zip(apart, key, strict=True))
-        where = f" [{of['condition']}]" if of["condition"] else ""
-        head = f"{of['task']:28} {of['embodiment']:14} level {of['level']}{where}"
-        out.append(f"{head:56}" + "".join(f"{rates[clock]:14.1f}" for clock in clocks))
-    first, *others = (
-        np.mean([row["success_rate"] for row in cells if row["clock"] == clock]) for clock in clocks
-    )
-    lost = [f"{first - x:.1f} at {names[c]}" for c, x in zip(clocks[1:], others, strict=True)]
-    return [*out, f"What {names.get(clocks[0], clocks[0])} hides, in points: {', '.join(lost)}"]
-
-
 def _processes(rows: Sequence[Row]) -> str:
     return ", ".join(sorted({row.get("process", "evaluator") for row in rows}))
 
@@ -164,34 +120,3 @@ def _stratified_interval(groups: Sequence[Sequence[float]]) -> tuple[float, floa
         means += values[rng.integers(len(values), size=(len(means), len(values)))].mean(1)
     low, high = np.quantile(means / len(groups), [0.025, 0.975])
     return float(low), float(high)
-
-
-WORDS = ("rules", "condition")  # columns of `table` that are as wide as their longest word
-
-
-def table(cells: Sequence[Row]) -> str:
-    """Format cells as aligned text. `truth` marks policies that are shown the simulation."""
-    width = {name: max(map(len, (name, *(c[name] for c in cells)))) for name in WORDS}
-    conditions = any(c["condition"] for c in cells)
-    head = (
-        f"{'task':28} {'robot':14} {'L':>1} {'alpha':>5} {'domain':10}"
-        f" {'rules':{width['rules']}} {'truth':5} {'process':9} {'n':>4}"
-    )
-    head = f"{'condition':{width['condition']}} {head}" if conditions else head
-    lines = [f"{head}  SR % (95 %)        RC     MS  hold s  failures"]
-    for c in cells:
-        low, high = c["success_interval"]
-        why = ", ".join(f"{name} {n}" for name, n in c["failures"].items())
-        if c.get("unreachable"):
-            why += f"{', ' if why else ''}unreachable poses {c['unreachable']}"
-        scores = f"{c['route_completion']:6.1f} {c['manipulation_score']:6.1f}"
-        hold = "-" if c["hold"] is None else f"{c['hold']:.2f}"
-        start = f"{c['condition']:{width['condition']}} " if conditions else ""
-        lines.append(
-            f"{start}{c['task']:28} {c['embodiment']:14} {c['level']} {c['alpha']:5g}"
-            f" {c['domain']:10} {c['rules']:{width['rules']}}"
-            f" {'sees' if c['sees_truth'] else '-':5} {c['process']:9}"
-            f" {c['episodes']:4}  {c['success_rate']:5.1f} ({low:4.1f}-{high:5.1f}) {scores} "
-            f" {hold:>6}  {why}"
-        )
-    return "\n".join(lines)

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from pipeline.commands.evaluate import describe
 from pipeline.data.actions import ACTIONS, JOINTS, ActionCodec, Representation
 from pipeline.data.chains import read_chains
 from pipeline.evaluate import asking
@@ -20,7 +21,7 @@ from pipeline.evaluate.policies.policy import Observation, PolicyError, PolicyNa
 from pipeline.evaluate.scenes.case import expert_actions
 from pipeline.evaluate.scenes.trial import INVALID_ACTION
 from pipeline.evaluate.scoring.clock import parse_clock
-from pipeline.evaluate.scoring.summary import summarise, table
+from pipeline.evaluate.scoring.summary import summarise
 from pipeline.world.robots import get_embodiment
 from tests.evaluate.environment.test_env import case_of
 
@@ -87,7 +88,7 @@ def test_poses_out_of_reach_are_counted_and_shown(named):
     assert row["unreachable"] == 2 * row["asked"] > 0
     (cell,) = summarise([row])
     assert cell["unreachable"] == row["unreachable"]
-    assert f"unreachable poses {row['unreachable']}" in table([cell])
+    assert f"unreachable poses {row['unreachable']}" in describe([cell], [])
 
 
 def test_a_rotation_without_direction_is_no_action(named):

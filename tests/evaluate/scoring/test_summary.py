@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from scipy.stats import binomtest
 
+from pipeline.commands.evaluate import describe, describe_clocks
 from pipeline.evaluate.scoring.statistics import bootstrap, wilson
-from pipeline.evaluate.scoring.summary import by_clock, over_tasks, summarise, table
+from pipeline.evaluate.scoring.summary import over_tasks, summarise
 
 
 @pytest.mark.parametrize(("k", "n"), [(0, 20), (1, 7), (10, 20), (19, 20), (100, 100)])
@@ -74,15 +75,17 @@ def test_cells_are_counted_apart():
     assert a["failed_conditions"] == {"touched": 1}
     assert (b["success_rate"], b["failures"]) == (100.0, {})
     assert (a3["level"], a3["success_rate"]) == (3, 0.0)
-    assert " evaluator " in (line := table([a, b, a3]).splitlines()[1]) and "missed 1" in line
+    assert " evaluator " in (line := describe([a, b, a3], []).splitlines()[1])
+    assert line.endswith("missed 1")
 
 
 def test_columns_of_the_table_are_as_wide_as_their_words():
     (cell,) = summarise(ROWS[:1])
     cell |= {"condition": "light+stop", "rules": "strict-light@share0.4+stop@share0.6"}
-    head, line = table([cell]).splitlines()
-    assert head.startswith("condition") and line.startswith("light+stop ")
-    assert head.index("truth") == line.index(cell["rules"]) + len(cell["rules"]) + 1
+    head, line = describe([cell], []).splitlines()
+    assert head.index("condition") == line.index("light+stop ")
+    assert head.index("truth") == line.index(cell["rules"]) + len(cell["rules"]) + 2
+    assert "condition" not in describe(summarise(ROWS[:1]), over_tasks(ROWS[:1]))
 
 
 def test_rules_are_counted_apart():
@@ -123,7 +126,7 @@ def test_clocks_are_columns_and_what_a_pause_hides_is_a_mean_over_cells():
         for clock, both in solved.items()
         for task, success in zip("ab", both, strict=True)
     ]
-    head, a, b, mean, hides = by_clock(summarise(rows), over_tasks(rows))
+    head, a, b, mean, hides = describe_clocks(summarise(rows), over_tasks(rows)).splitlines()
     assert head.split()[-5:] == ["paused", "100", "ms", "300", "ms"]
     numbers = [[float(text) for text in line.split()[-3:]] for line in (a, b, mean)]
     assert numbers == [[100, 100, 0], [100, 0, 0], [100, 50, 0]]
