@@ -64,25 +64,24 @@ def test_selects(text: str, expected: bool):
         ("task='click_bell", "wants ' at the end of"),
         ("level=1.5", "level '1.5' is not a whole number"),
         ("level", "'level' is no test"),
-        ("level=", "ends where something should follow '=='"),
+        ("level=", "wants a column or a value, and ends"),
         ("level=fast", "level 'fast' is not a whole number"),
-        ("level=3 task=x", "did not expect 'task == x'; join tests with and / or"),
-        ("(level=3", r"wants '\)' at the end"),
-        ("level=3 and", "ends where something should follow 'and'"),
+        ("level=3 task=x", "did not expect 'task = x'; join tests with and / or"),
+        ("(level=3", r"wants '\)'"),
+        ("level=3 and", "wants a column or a value, and ends"),
         ("level ~ 3", "cannot read '~ 3'"),
         ("task in click_bell", r"wants values in brackets: task in \(one, another\)"),
-        ("level=and", "ends where something should follow 'and'"),
+        ("level=and", "wants a column or a value, not 'and'"),
         ("__class__=3", "'__class__' is no column"),
-        ("level not 3", "did not expect '3'"),
+        ("level not 3", "'level' is no test"),
         ("task = click bell", "did not expect 'bell'"),
         ("task = level", "'level' is no value for task; quote it"),
-        ("task in ()", "wants values in brackets"),
-        ("task in (a b)", "did not expect"),
-        ("level in (1, 2", r"wants '\)' at the end"),
-        ("level=3, slot=2", "is no test"),
-        ("level(3) = 2", r"'level\(3\)' is no column"),
+        ("task in ()", "wants a column or a value, not '\\)'"),
+        ("task in (a b)", "wants values in brackets"),
+        ("level in (1, 2", "wants values in brackets"),
+        ("level=3, slot=2", "did not expect ', slot = 2'"),
+        ("level(3) = 2", "'level' is no test"),
         ("seed < 99999999999999999999", "seed '99999999999999999999' is not a whole number from"),
-        ("(" * 300 + "level=1" + ")" * 300, "did not expect"),
         ("level=1 or " * 400 + "level=1", "has 4407 characters, more than 4000"),
     ],
 )
@@ -96,7 +95,7 @@ def test_errors_are_one_line_and_name_the_fields(text: str, words: str):
 def test_the_longest_expressions_are_evaluated_or_refused_in_one_line():
     assert select_rows([FIELDS], parse_where(" or ".join(["level=3"] * 350))).all()
     with pytest.raises(WhereError, match="is nested too deeply"):
-        parse_where("not " * 990 + "level=3")
+        parse_where("not " * 995 + "level=3")
 
 
 @given(

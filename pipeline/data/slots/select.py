@@ -1,12 +1,11 @@
-"""`--where "level=3 and task in (click_bell, press_stapler)"`: an expression over COLUMNS.
-
-Python only parses the text; its tree becomes a pyarrow expression. Nothing is evaluated.
+"""`--where "level=3 and task in (click_bell, press_stapler)"`: an expression over COLUMNS, which
+becomes one of pyarrow.
 """
 
-import ast
 import hashlib
 import operator
 import re
+from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
 from functools import reduce
@@ -59,21 +58,14 @@ what its file states."""
 
 _SCHEMA = pa.schema([(name, _ARROW[kind]) for name, kind in COLUMNS.items()])
 _COMPARE = {
-    ast.Eq: operator.eq,
-    ast.NotEq: operator.ne,
-    ast.Lt: operator.lt,
-    ast.LtE: operator.le,
-    ast.Gt: operator.gt,
-    ast.GtE: operator.ge,
+    **{"=": operator.eq, "==": operator.eq, "!=": operator.ne},
+    **{"<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge},
 }
-_KEYWORDS = ("and", "or", "not", "in")
-_TOKEN = re.compile(
-    r"""\s*(?:(?P<op>==|!=|<=|>=|[=<>(),])|"(?P<dq>[^"]*)"|'(?P<sq>[^']*)'|(?P<word>[\w.+-]+))"""
-)
-_PLACEHOLDER = re.compile(r"value_\d+")
+_SIGNS = {*_COMPARE, *"(),", "and", "or", "not", "in"}
+_WORD = re.compile(r"""(==|!=|<=|>=|[=<>(),]|"[^"]*"|'[^']*'|[\w.+-]+)\s*""")
 
 type Attempts = Mapping[tuple[Any, ...], Mapping[str, Any]]  # other columns by place and seed
-type Values = Mapping[str, str]  # what the user wrote by placeholder
+type Words = deque[str]  # what is left of an expression: columns, values as written, signs
 
 
 class WhereError(DominoError):
@@ -148,20 +140,15 @@ def values_in(rows: Sequence[Mapping[str, Any]], where: str) -> str:
 def parse_where(text: str) -> pc.Expression:
     """The pyarrow expression of a text. Raises WhereError."""
     try:
-        if not text.strip():
-            raise _Unreadable("is empty: leave it out to take all episodes")
-        if len(text) > LONGEST:
-            raise _Unreadable(f"has {len(text)} characters, more than {LONGEST}")
-        python, values = _as_python(text)
-        try:
-            tree = ast.parse(python, mode="eval")
-        except SyntaxError as error:
-            raise _Unreadable(_mistake(python, values, error)) from error
-        return _translate(tree.body, values)
-    except (_Unreadable, RecursionError, MemoryError) as error:
+        words = _split(text)
+        found = _either(words)
+        if words:
+            raise _Unreadable(f"did not expect {' '.join(words)[:40]!r}; join tests with and / or")
+    except (_Unreadable, RecursionError) as error:
         what = str(error) if isinstance(error, _Unreadable) else "is nested too deeply"
         shown = text if len(text) <= 200 else text[:200] + "..."
         raise WhereError(f"--where {shown!r}: {what}") from error
+    return found
 
 
 def expression(where: str | None, embodiments: Sequence[str]) -> str:
@@ -174,93 +161,101 @@ def expression(where: str | None, embodiments: Sequence[str]) -> str:
     return f"{of_robots} and ({given})" if of_robots and given else of_robots or given
 
 
-def _as_python(text: str) -> tuple[str, Values]:
-    """`==` for `=`, brackets after `in`, placeholders for values."""
-    words: list[str] = []
-    values: dict[str, str] = {}
-    place, in_list = 0, False
-    while text[place:].strip():
-        m = _TOKEN.match(text, place)
-        if m is None:
-            rest = text[place:].strip()
-            if rest[0] in "\"'":
-                raise _Unreadable(f"wants {rest[0]} at the end of {rest[:40]!r}")
-            raise _Unreadable(f"cannot read {rest[:12]!r}")
-        place, word = m.end(), m["op"] or m["word"]
-        if word == "(" and words[-1:] == ["in"]:
-            in_list, word = True, "["
-        elif word == ")" and in_list:
-            in_list, word = False, "]"
-        elif not m["op"] and word not in _KEYWORDS and word not in COLUMNS:
-            value = next(v for v in (m["dq"], m["sq"], word) if v is not None)
-            word = f"value_{len(values)}"
-            values[word] = value
-        words.append("==" if word == "=" else word)
-    return " ".join(words), values
+def _split(text: str) -> Words:
+    if not text.strip():
+        raise _Unreadable("is empty: leave it out to take all episodes")
+    if len(text) > LONGEST:
+        raise _Unreadable(f"has {len(text)} characters, more than {LONGEST}")
+    words, rest = deque[str](), text.strip()
+    while rest:
+        if (word := _WORD.match(rest)) is None:
+            quoted = rest[0] in "\"'"
+            missing = f"wants {rest[0]} at the end of {rest[:40]!r}"
+            raise _Unreadable(missing if quoted else f"cannot read {rest[:12]!r}")
+        words.append(word[1])
+        rest = rest[word.end() :]
+    return words
 
 
-def _mistake(python: str, values: Values, error: SyntaxError) -> str:
-    if "never closed" in error.msg:
-        return "wants ')' at the end"
-    last = python.split()[-1]
-    if last not in values and last not in COLUMNS and last not in (")", "]"):
-        return f"ends where something should follow {last!r}"
-    rest = _restore_values(python[max((error.offset or 1) - 1, 0) :], values)
-    return f"did not expect {rest[:40]!r}; join tests with and / or"
+def _take(words: Words, *wanted: str) -> str:
+    """The next word if it is one of these, else ""."""
+    return words.popleft() if words and words[0] in wanted else ""
 
 
-def _restore_values(python: str, values: Values) -> str:
-    return _PLACEHOLDER.sub(lambda m: values[m[0]], python).replace("[", "(").replace("]", ")")
+def _either(words: Words) -> pc.Expression:
+    found = _both(words)
+    while _take(words, "or"):
+        found |= _both(words)
+    return found
 
 
-def _translate(node: ast.expr, values: Values) -> pc.Expression:
-    match node:
-        case ast.BoolOp(op=ast.And(), values=parts):
-            return reduce(operator.and_, [_translate(part, values) for part in parts])
-        case ast.BoolOp(op=ast.Or(), values=parts):
-            return reduce(operator.or_, [_translate(part, values) for part in parts])
-        case ast.UnaryOp(op=ast.Not(), operand=part):
-            return ~_translate(part, values)
-        case ast.Compare(left=left, ops=ops, comparators=rights):
-            pairs = zip([left, *rights], ops, rights, strict=False)
-            return reduce(operator.and_, [_comparison(a, op, b, values) for a, op, b in pairs])
-    word = _restore_values(ast.unparse(node), values)
-    raise _Unreadable(f"{word!r} is no test: compare a column with a value, such as level=1")
+def _both(words: Words) -> pc.Expression:
+    found = _one(words)
+    while _take(words, "and"):
+        found &= _one(words)
+    return found
 
 
-def _comparison(left: ast.expr, op: ast.cmpop, right: ast.expr, values: Values) -> pc.Expression:
-    if isinstance(op, ast.In | ast.NotIn):
-        field = _field(left, values)
-        if not isinstance(right, ast.List) or not right.elts:
-            raise _Unreadable(f"wants values in brackets: {field} in (one, another)")
-        found = pc.field(field).isin(
-            pa.array([_value(v, field, values) for v in right.elts], _ARROW[COLUMNS[field]])
-        )
-        return ~found if isinstance(op, ast.NotIn) else found
-    swapped = ast.unparse(left) in values and ast.unparse(right) in COLUMNS
-    column, value = (right, left) if swapped else (left, right)
-    field = _field(column, values)
-    if COLUMNS[field] is str and not isinstance(op, ast.Eq | ast.NotEq):
-        raise _Unreadable(f"{field} is a text, which has no order: use =, != or in")
-    sides = pc.field(field), pc.scalar(_value(value, field, values))
-    return _COMPARE[type(op)](*(reversed(sides) if swapped else sides))
+def _one(words: Words) -> pc.Expression:
+    if _take(words, "not"):
+        return ~_one(words)
+    if not _take(words, "("):
+        return _test(words)
+    found = _either(words)
+    if not _take(words, ")"):
+        raise _Unreadable(f"wants ')' before {' '.join(words)[:40]!r}" if words else "wants ')'")
+    return found
 
 
-def _field(node: ast.expr, values: Values) -> str:
-    if not isinstance(node, ast.Name) or node.id not in COLUMNS:
-        word = _restore_values(ast.unparse(node), values)
-        raise _Unreadable(f"{word!r} is no column (columns: {', '.join(COLUMNS)})")
-    return node.id
+def _test(words: Words) -> pc.Expression:
+    """`column in (values)`, or comparisons, which may be chained: 2 < level <= 3."""
+    left, is_not, tests = _operand(words), _take(words, "not"), list[pc.Expression]()
+    if _take(words, "in"):
+        return ~_among(left, words) if is_not else _among(left, words)
+    while sign := _take(words, *_COMPARE):
+        right = _operand(words)
+        tests.append(_compare(left, sign, right))
+        left = right
+    if is_not or not tests:
+        raise _Unreadable(f"{left!r} is no test: compare a column with a value, such as level=1")
+    return reduce(operator.and_, tests)
 
 
-def _value(node: ast.expr, field: str, values: Values) -> str | int | float:
-    if not isinstance(node, ast.Name) or node.id not in values:
-        shown = _restore_values(ast.unparse(node), values)
-        raise _Unreadable(f"{shown!r} is no value for {field}; quote it if it is meant as one")
-    word, kind = values[node.id], COLUMNS[field]
+def _operand(words: Words) -> str:
+    if not words or words[0] in _SIGNS:
+        before = f", not {words[0]!r}" if words else ", and ends"
+        raise _Unreadable(f"wants a column or a value{before}")
+    return words.popleft()
+
+
+def _among(column: str, words: Words) -> pc.Expression:
+    values, sign = list[str | int | float](), _take(words, "(")
+    while sign and not (values and sign == ")"):
+        values.append(_value(_operand(words), column))
+        sign = _take(words, ",", ")")
+    if not sign:
+        raise _Unreadable(f"wants values in brackets: {column} in (one, another)")
+    return pc.field(column).isin(pa.array(values, _ARROW[COLUMNS[column]]))
+
+
+def _compare(left: str, sign: str, right: str) -> pc.Expression:
+    swapped = left not in COLUMNS and right in COLUMNS
+    column, word = (right, left) if swapped else (left, right)
+    sides = pc.field(column), pc.scalar(_value(word, column))
+    if COLUMNS[column] is str and sign not in ("=", "==", "!="):
+        raise _Unreadable(f"{column} is a text, which has no order: use =, != or in")
+    return _COMPARE[sign](*(reversed(sides) if swapped else sides))
+
+
+def _value(word: str, column: str) -> str | int | float:
+    if column not in COLUMNS:
+        raise _Unreadable(f"{column!r} is no column (columns: {', '.join(COLUMNS)})")
+    if word in COLUMNS:
+        raise _Unreadable(f"{word!r} is no value for {column}; quote it if it is meant as one")
+    text, kind = word[1:-1] if word[0] in "\"'" else word, COLUMNS[column]
     try:
         if kind is int:
-            return whole(re.sub(r"\.0*$", "", word), -MOST_WHOLE, MOST_WHOLE)
-        return word if kind is str else real(word)
+            return whole(re.sub(r"\.0*$", "", text), -MOST_WHOLE, MOST_WHOLE)
+        return text if kind is str else real(text)
     except ParseError as error:
-        raise _Unreadable(f"{field} {show_value(word)} {error}") from None
+        raise _Unreadable(f"{column} {show_value(text)} {error}") from None
