@@ -71,19 +71,23 @@ Directory = Annotated[Path, argument("A directory.", metavar="DIR")]
 
 
 def pull(url: Url, directory: Directory, as_json: AsJson = False) -> None:
-    """Copy what is below a URL to a directory of this machine. Files that are there already are
-    compared by size and checksum; rerun it to resume."""
+    """Copy what is below a URL to a directory of this machine. Of files that are there already,
+    recipe, index and tables are copied again, others if their size differs; rerun it to resume."""
+    from pipeline.run.copy import pull as run_pull
+
     check_tree(directory)
-    _print_moved(*place.pull(_named(url), directory), f"fetched to {directory}", as_json)
+    _print_moved(*run_pull(_named(url), directory), f"fetched to {directory}", as_json)
 
 
 def push(directory: Directory, url: Url, as_json: AsJson = False) -> None:
-    """Copy the files of a directory to a URL. Files that are there already are compared by size and
-    checksum; rerun it to resume."""
+    """Copy the files of a directory to a URL. Of files that are there already, recipe, index and
+    tables are copied again, others if their size differs; rerun it to resume."""
+    from pipeline.run.copy import push as run_push
+
     if not directory.is_dir():
         raise UsageError(f"{directory} is no directory")
     check_tree(directory)
-    _print_moved(*place.push(directory, _named(url)), f"put to {url}", as_json)
+    _print_moved(*run_push(directory, _named(url)), f"put to {url}", as_json)
 
 
 def _named(url: str) -> str:

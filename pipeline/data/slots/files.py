@@ -3,6 +3,7 @@
 import json
 import os
 import re
+from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -29,7 +30,7 @@ _FILE = re.compile(r"episode_(\d{7,8})(?:_v(\d+))?(\.hdf5|\.given_up\.json)")
 
 
 class Paths:
-    """The paths of a dataset. `orphans` has whole episodes of no slot that `gc` moved."""
+    """The paths of a dataset."""
 
     def __init__(self, root: Path) -> None:
         self.root = root = Path(root)
@@ -42,7 +43,6 @@ class Paths:
         self.bodies = self.assets / "bodies"
         self.episodes = root / "episodes"
         self.failures = root / "failures"
-        self.orphans = root / "orphans"
 
     def episode(self, slot: Slot) -> Path:
         return self.episodes / f"{slot.path}{EPISODE}"
@@ -109,12 +109,16 @@ class Listing:
 
     def __init__(self, root: Path, recipe: Recipe) -> None:
         self._recipe, place = recipe, place_of(root)
+        there = defaultdict[str, dict[str, int]](dict)  # on a store, by directory
+        for name, size in place.sizes().items() if place else ():
+            folder, _, file = name.rpartition("/")
+            there[folder][file] = size
         self._files = list[dict[str, os.DirEntry[str] | int]]()
         for cell in recipe.counts():
             folder = root / cell.path
             files = dict[str, os.DirEntry[str] | int]()
             if place:
-                files |= place.sizes().get(str(folder), {})
+                files |= there[place.name(folder)]
             try:
                 with os.scandir(folder) as found:
                     files |= {each.name: each for each in found if each.is_file()}

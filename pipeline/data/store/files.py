@@ -1,16 +1,12 @@
 """Objects below an fsspec URL. Every request ends."""
 
-import json
 import os
 import re
 import socket
 import threading
-from base64 import b64decode
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future
-from concurrent.futures import wait as wait_for
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -21,7 +17,7 @@ from pipeline.data.errors import DominoError
 CONDITIONAL = ("s3", "s3a", "gs", "gcs", "memory")
 """Stores that can write an object only if it is not there; others are read only."""
 
-LEASE = ".writing.json"  # the object that tells who writes
+LEASE = ".writing"  # the object that tells who writes
 
 ANSWER, SLOWEST = 30.0, 50_000
 """Seconds that a request may take, and bytes a second of one that carries a file."""
@@ -36,7 +32,7 @@ class StoreError(DominoError):
     """An object store that fails: one line with the URL and the fix."""
 
 
-SCHEMES = ("s3", "s3a", "gs", "gcs", "hf", "az", "abfs", "abfss", "memory")  # of stores
+SCHEMES = ("s3", "s3a", "gs", "gcs", "hf", "az", "abfs", "abfss", "memory")
 
 _URL = re.compile(rf"({'|'.join(SCHEMES)}):/+(.+)")
 _SCHEME = re.compile(r"([A-Za-z][A-Za-z0-9+.-]+):(/.*)?|(s3|gs|hf):.*", re.DOTALL)
@@ -56,14 +52,6 @@ def url_of(text: str | Path) -> str | None:
     return None
 
 
-@dataclass(frozen=True)
-class Listed:
-    """Length (bytes) of an object, and its MD5 (hex) if stated."""
-
-    size: int
-    md5: str
-
-
 class Store:
     """The objects below a URL. Every method raises StoreError."""
 
@@ -74,136 +62,107 @@ class Store:
     def _at(self) -> tuple[Any, str]:
         import fsspec  # half a second, with that of the store's own library
 
-        options = {"use_listings_cache": False, "skip_instance_cache": True}
         try:
-            fs, path = fsspec.url_to_fs(self.url, **options)
+            fs, path = fsspec.url_to_fs(
+                self.url, use_listings_cache=False, skip_instance_cache=True
+            )
         except (ImportError, ValueError) as error:
             fix = "install the package (`uv sync --extra s3` or `--extra gcs` for these two)"
             raise StoreError(f"{self.url}: {_line(error)}: {fix}") from error
         return fs, path.rstrip("/")
 
-    def list(self) -> dict[str, Listed]:
-        """All objects by name."""
-
-        def find(fs: Any, root: str) -> dict[str, Listed]:
-            return {
-                path.removeprefix(f"{root}/"): Listed(int(info["size"] or 0), _md5(info))
-                for path, info in fs.find(root, detail=True).items()
-                if path.startswith(f"{root}/") and not path.endswith("/")
-            }
-
-        return self._do("list", "", find, 10 * ANSWER)
+    def list(self) -> dict[str, int]:
+        """The bytes of all objects that can be files below a directory, by name."""
+        found = self._do("list", "", lambda fs, at: fs.find(at, detail=True), 10 * ANSWER)
+        root = f"{self._at[1]}/"
+        sizes = {at[len(root) :]: info["size"] for at, info in found.items() if at.startswith(root)}
+        return {
+            name: int(size or 0)
+            for name, size in sizes.items()
+            if name not in ("", LEASE) and name == os.path.normpath(f"/{name}").lstrip("/")
+        }
 
     def read(self, name: str) -> bytes | None:
         """The bytes of a small object, None if there is none."""
+        return self._do("read", name, lambda fs, at: fs.cat_file(at))
 
-        def cat(fs: Any, root: str) -> bytes | None:
-            with suppress(FileNotFoundError):
-                return fs.cat_file(f"{root}/{name}")
-
-        return self._do("read", name, cat)
-
-    def get(self, name: str, path: Path, size: int = 10**7) -> bool:
+    def get(self, name: str, path: Path, size: int) -> bool:
         """Write an object of about `size` bytes to a file; whether there is one."""
-
-        def fetch(fs: Any, root: str) -> bool:
-            with suppress(FileNotFoundError):
-                fs.get_file(f"{root}/{name}", str(path))
-            return path.exists()
-
-        return self._do("read", name, fetch, ANSWER + size / SLOWEST)
+        seconds = ANSWER + size / SLOWEST
+        self._do("read", name, lambda fs, at: fs.get_file(at, str(path)), seconds)
+        return path.exists()
 
     def put(self, path: Path, name: str) -> None:
         """Write a file as an object, replacing one of that name."""
         seconds = ANSWER + path.stat().st_size / SLOWEST
-        self._do("write", name, lambda fs, root: fs.put_file(str(path), f"{root}/{name}"), seconds)
+        self._do("write", name, lambda fs, at: fs.put_file(str(path), at), seconds)
 
     def write_new(self, name: str, data: bytes) -> bool:
         """Write a small object; whether there was none of that name."""
-
-        def send(fs: Any, root: str) -> bool:
-            try:
-                fs.pipe_file(f"{root}/{name}", data, mode="create")
-            except Exception as error:  # not every library has the exception of Python
-                if re.search("FileExists|Precondition|Conflict|412", repr(error)):
-                    return False
+        try:
+            self._do("write", name, lambda fs, at: fs.pipe_file(at, data, mode="create"))
+        except StoreError as error:  # not every library has the exception of Python
+            if not re.search("FileExists|Precondition|Conflict|412", repr(error.__cause__)):
                 raise
-            return True
+            return False
+        return True
 
-        return self._do("write", name, send)
-
-    def delete(self, names: Sequence[str]) -> None:
+    def delete(self, names: Iterable[str]) -> None:
         """Delete objects that may be gone."""
-
-        def remove(fs: Any, root: str) -> None:
-            for name in names:
-                with suppress(FileNotFoundError):
-                    fs.rm_file(f"{root}/{name}")
-
-        if names:
-            self._do("delete", names[0], remove, ANSWER + len(names))
+        for name in names:
+            self._do("delete", name, lambda fs, at: fs.rm_file(at))
 
     @contextmanager
     def hold(self) -> Iterator[None]:
-        """Hold the store's lease; one of a dead local process is taken over. Raises Busy,
-        StoreError.
-        """
+        """Hold the store's lease; one of a dead local process is taken over. Raises Busy."""
         if self.url.partition(":")[0] not in CONDITIONAL:
             raise StoreError(
                 f"{self.url}: can only be read: give a directory, s3:// or gs:// to write;"
                 " `domino-data publish` uploads an export to the hub"
             )
-        host = socket.gethostname()
+        host, process = socket.gethostname(), str(os.getpid())
         # some servers write over an object whatever the condition
-        if held := self.read(LEASE):
-            try:
-                holder = json.loads(held)
-                alive = holder["host"] != host or Path(f"/proc/{holder['process']}").exists()
-            except (ValueError, TypeError, KeyError):
-                holder, alive = {}, False
-            if alive:
+        if (held := self.read(LEASE)) is not None:
+            holder, _, its = held.decode(errors="replace").rpartition(" ")
+            if holder != host or Path("/proc", its).exists():
                 raise Busy(
-                    f"{self.url}: another command is writing it (process {holder['process']} on"
-                    f" {holder['host']}): wait until that has ended, or stop it; if it was killed,"
-                    f" delete {self.url}/{LEASE}"
+                    f"{self.url}: another command is writing it (process {its} on {holder}): wait"
+                    " until that has ended, or stop it; if it was killed, delete"
+                    f" {self.url}/{LEASE}"
                 )
             self.delete([LEASE])
-        if not self.write_new(LEASE, json.dumps({"host": host, "process": os.getpid()}).encode()):
-            raise Busy(f"{self.url}: another command has just begun to write it: stop one of them")
+        if not self.write_new(LEASE, f"{host} {process}".encode()):
+            raise Busy(f"{self.url}: another command has just begun to write it")
         try:
             yield
         finally:
             with suppress(StoreError):
                 self.delete([LEASE])
 
-    def _do[T](
-        self, what: str, name: str, request: Callable[[Any, str], T], seconds: float = ANSWER
-    ) -> T:
-        """A request's result, in a thread that does not block exit."""
-        fs, root = self._at
-        where, answer = f"cannot {what} {f'{self.url}/{name}'.rstrip('/')}", Future[T]()
+    def _do(
+        self, what: str, name: str, request: Callable[[Any, str], Any], seconds: float = ANSWER
+    ) -> Any:
+        """What the store answers, asked in a thread that does not block exit; None for an object to
+        read or delete that is not there.
+        """
+        (fs, root), answer = self._at, Future[Any]()
 
         def ask() -> None:
             try:
-                answer.set_result(request(fs, root))
+                answer.set_result(request(fs, f"{root}/{name}".rstrip("/")))
             except Exception as error:  # noqa: BLE001 - every library has exceptions of its own
                 answer.set_exception(error)
 
         threading.Thread(target=ask, daemon=True).start()
-        if not wait_for([answer], seconds).done:
-            raise StoreError(f"{where}: no answer for {seconds:.0f} s; {FIX}")
-        if error := answer.exception():
-            raise StoreError(f"{where}: {_line(error)}; {FIX}") from error
-        return answer.result()
+        try:
+            return answer.result(seconds)
+        except Exception as error:
+            if isinstance(error, FileNotFoundError) and what in ("read", "delete"):
+                return None
+            why = _line(error) if answer.done() else f"no answer for {seconds:.0f} s"
+            where = f"{self.url}/{name}".rstrip("/")
+            raise StoreError(f"cannot {what} {where}: {why}; {FIX}") from error
 
 
 def _line(error: BaseException) -> str:
     return " ".join(str(error).split())[:200] or type(error).__name__
-
-
-def _md5(info: dict[str, Any]) -> str:
-    """S3's ETag or Google's md5Hash, if an MD5."""
-    text = str(info.get("ETag") or "").strip('"')
-    if hashed := info.get("md5Hash"):
-        text = b64decode(hashed).hex()
-    return text if len(text) == 32 else ""  # of parts, S3 has another ETag

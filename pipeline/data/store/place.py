@@ -4,7 +4,6 @@ CACHE/places/URL~HOST.PROCESS.X/.
 Files are pulled when read (data/reading.py) and put by the process that made them.
 """
 
-import hashlib
 import os
 import re
 import socket
@@ -13,7 +12,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, nullcontext
 from functools import lru_cache
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 from tempfile import mkdtemp
 from urllib.parse import quote, unquote
 
@@ -21,7 +20,7 @@ from pipeline.data.atomic import remove, temporary_name
 from pipeline.data.names import MANIFEST
 from pipeline.data.process.machine import CACHE, user_cache
 
-from .files import LEASE, Listed, Store, StoreError
+from .files import Store, StoreError
 
 FOLDER = "places"
 
@@ -41,45 +40,52 @@ class Place:
 
     def __init__(self, root: Path, url: str) -> None:
         self.root, self.store = root, Store(url)
-        self._sizes: dict[str, dict[str, int]] | None = None
+        self._sizes: dict[str, int] | None = None
         self._same = dict[str, tuple[int, int]]()
 
     def name(self, path: Path) -> str:
         """The name of a file's object."""
         return path.relative_to(self.root).as_posix()
 
-    def sizes(self) -> Mapping[str, Mapping[str, int]]:
-        """The bytes of all objects, by directory and name, listed once."""
+    def sizes(self) -> Mapping[str, int]:
+        """The bytes of all objects by name, listed once."""
         if self._sizes is None:
-            self._sizes = {}
-            for name, each in _objects(self.store).items():
-                self.note(self.root / name, each.size)
+            self._sizes = self.store.list()
         return self._sizes
 
-    def note(self, path: Path, size: int | None) -> None:
-        """Note the bytes of a file that is on the store now, None for one that is not."""
+    def note(self, path: Path, size: int) -> None:
+        """Note the bytes of a file that is on the store now."""
         if self._sizes is not None:
-            folder = self._sizes.setdefault(str(path.parent), {})
-            folder.pop(path.name, None) if size is None else folder.update({path.name: size})
+            self._sizes[self.name(path)] = size
 
     def size(self, path: Path) -> int:
         """The bytes of a file's object, -1 if there is none."""
-        return self.sizes().get(str(path.parent), {}).get(path.name, -1)
+        return self.sizes().get(self.name(path), -1)
 
     def files(self, pattern: str = ALL) -> list[Path]:
-        """The files of all objects that match a pattern, sorted."""
-        paths = (Path(folder, name) for folder, each in self.sizes().items() for name in each)
-        return sorted(path for path in paths if re.fullmatch(pattern, self.name(path)))
+        """The files of all objects whose names match a pattern, sorted."""
+        return sorted(self.root / name for name in self.sizes() if re.fullmatch(pattern, name))
 
-    def pull(self, pattern: str) -> None:
-        """Fetch the matching objects that are not here."""
-        _on_threads(self.fetch, (path for path in self.files(pattern) if not path.exists()))
+    def below(self, folder: Path) -> list[Path]:
+        """The files of all objects below a directory."""
+        return self.files(f"{re.escape(self.name(folder))}/.*")
+
+    def pull(self, paths: Iterable[Path]) -> None:
+        """Fetch files."""
+        _on_threads(self.fetch, paths)
 
     def fetch(self, path: Path) -> bool:
         """Get a file that is not here; whether there is one."""
         size = USUAL if self._sizes is None else self.size(path)
-        if size < 0 or not _get(self.store, self.name(path), path, size):
-            return False
+        # two threads may want the same file
+        temporary = temporary_name(path.with_name(f"{path.name}.{threading.get_ident()}"))
+        path.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            if size < 0 or not self.store.get(self.name(path), temporary, size):
+                return False
+            os.replace(temporary, path)
+        finally:
+            temporary.unlink(missing_ok=True)
         self._same[self.name(path)] = _state(path)
         return True
 
@@ -88,8 +94,11 @@ class Place:
         return path.exists() and self._same.get(self.name(path)) == _state(path)
 
     def put(self, paths: Iterable[Path]) -> None:
-        """Put files that the store does not have from here."""
-        _on_threads(self._put, (path for path in paths if not self.has(path)))
+        """Put files that the store does not have from here, those that name others last."""
+        new = [path for path in paths if not self.has(path)]
+        last = {path for path in new if _LAST.match(self.name(path))}
+        _on_threads(self._put, (path for path in new if path not in last))
+        _on_threads(self._put, last)
 
     def _put(self, path: Path) -> None:
         state = _state(path)
@@ -98,14 +107,16 @@ class Place:
         self.note(path, state[0])
 
     def put_new(self) -> None:
-        for paths in _in_order(self.root):
-            self.put(path for path in paths if not path.name.endswith(".tmp"))
+        """Put what is whole here and not on the store."""
+        files = (path for path in self.root.rglob("*") if path.is_file())
+        self.put(path for path in files if path.suffix != ".tmp")
 
     def delete(self, paths: Iterable[Path]) -> None:
-        paths = list(paths)
-        self.store.delete([self.name(path) for path in paths])
-        for path in paths:
-            self.note(path, None)
+        names = [self.name(path) for path in paths]
+        self.store.delete(names)
+        if self._sizes is not None:
+            for name in names:
+                self._sizes.pop(name, None)
 
 
 @lru_cache(64)
@@ -115,10 +126,9 @@ def _place(root: Path) -> Place:
 
 def place_of(path: Path) -> Place | None:
     """The place in whose directory a path is, if any."""
-    parts = Path(path).parts
-    for number in range(1, len(parts)):
-        if parts[number - 1] == FOLDER and "%3A%2F%2F" in parts[number]:
-            return _place(Path(*parts[: number + 1]))
+    for each in (path, *path.parents):
+        if each.parent.name == FOLDER and "%3A%2F%2F" in each.name:
+            return _place(each)
     return None
 
 
@@ -131,7 +141,7 @@ def open_place(url: str, pattern: str = SMALL, writes: bool = False) -> Iterator
     try:
         place.store.read(MANIFEST)  # a silent store is known soon
         with place.store.hold() if writes else nullcontext():
-            place.pull(pattern)
+            place.pull(place.files(pattern))
             try:
                 yield place.root
             except StoreError:
@@ -179,99 +189,20 @@ def drop(path: Path) -> None:
         path.unlink()
 
 
-def fetch_below(folder: Path) -> None:
-    """Get all files below a directory from its store, if any. Raises StoreError."""
-    if place := place_of(folder):
-        place.pull(f"{re.escape(place.name(folder))}/.*")
-
-
 @contextmanager
 def replace_directory(folder: Path) -> Iterator[None]:
     """Replace a directory; its store objects are replaced at the block's end. Raises StoreError."""
     place = place_of(folder)
-    before = place.files(f"{re.escape(place.name(folder))}/.*") if place else []
+    before = place.below(folder) if place else []
     yield
     if place:
         place.put_new()
         place.delete(path for path in before if not path.exists())
 
 
-def pull(url: str, folder: Path) -> tuple[int, int]:
-    """Fetch what differs below a URL: how many files there are, and were fetched. Raises
-    StoreError.
-    """
-    store = Store(url)
-    there = {folder / name: (name, each) for name, each in _objects(store).items()}
-    if not there:
-        raise StoreError(f"{url}: there is nothing: name the URL of a dataset or an export")
-    new = [path for path, (_, each) in there.items() if not _is_same(path, each)]
-    _on_threads(lambda path: _get(store, there[path][0], path, there[path][1].size), new)
-    return len(there), len(new)
-
-
-def push(folder: Path, url: str) -> tuple[int, int]:
-    """Put the files that differ below a URL: how many there are, and were put. Raises
-    StoreError, Busy.
-    """
-    store, count = Store(url), [0, 0]
-
-    def name(path: Path) -> str:
-        return path.relative_to(folder).as_posix()
-
-    with store.hold():
-        there = _objects(store)
-        for paths in _in_order(folder):
-            new = [path for path in paths if not _is_same(path, there.get(name(path)))]
-            _on_threads(lambda path: store.put(path, name(path)), new)
-            count = [count[0] + len(paths), count[1] + len(new)]
-    return count[0], count[1]
-
-
-def _objects(store: Store) -> dict[str, Listed]:
-    """The objects that can be files below a directory."""
-    names = store.list()
-    for name in [*names]:
-        plain = str(PurePosixPath("/", name)) == f"/{name}" and not {"..", "."} & {*name.split("/")}
-        if name == LEASE or not plain:
-            del names[name]
-    return names
-
-
-def _in_order(folder: Path) -> tuple[list[Path], list[Path]]:
-    """Every file below a directory but those that name others, and these."""
-    paths = [Path(where, name) for where, _, names in os.walk(folder) for name in names]
-    last = [path for path in paths if _LAST.match(path.relative_to(folder).as_posix())]
-    return [path for path in paths if path not in set(last)], last
-
-
 def _on_threads(work: Callable[[Path], object], paths: Iterable[Path]) -> None:
     with ThreadPoolExecutor(_THREADS) as threads:
-        try:
-            for done in [threads.submit(work, path) for path in paths]:
-                done.result()
-        except BaseException:
-            threads.shutdown(wait=False, cancel_futures=True)
-            raise
-
-
-def _get(store: Store, name: str, path: Path, size: int) -> bool:
-    # two threads may want the same file
-    temporary = temporary_name(path.with_name(f"{path.name}.{threading.get_ident()}"))
-    path.parent.mkdir(parents=True, exist_ok=True)
-    try:
-        if found := store.get(name, temporary, size):
-            os.replace(temporary, path)
-        return found
-    finally:
-        temporary.unlink(missing_ok=True)
-
-
-def _is_same(path: Path, there: Listed | None) -> bool:
-    """Whether length, and MD5 if stated, are an object's."""
-    if there is None or not path.is_file() or path.stat().st_size != there.size:
-        return False
-    with open(path, "rb") as file:
-        return not there.md5 or hashlib.file_digest(file, "md5").hexdigest() == there.md5
+        list(threads.map(work, paths))
 
 
 def _state(path: Path) -> tuple[int, int]:

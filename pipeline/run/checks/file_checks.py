@@ -19,7 +19,7 @@ from pipeline.data.recipe.cells import Cell, Slot
 from pipeline.data.slots.annotations import CorruptAnnotation, read_entry
 from pipeline.data.slots.assets import AssetStore
 from pipeline.data.slots.files import GIVEN_UP, read_given_up
-from pipeline.data.store.place import drop, fetch_below
+from pipeline.data.store.place import drop, place_of
 from pipeline.export.shared.record import read_record
 
 FAULTS = (
@@ -109,7 +109,8 @@ def _check_asset(path: Path) -> Iterator[str]:
 
 
 def _check_export(place: Path) -> Iterator[str]:
-    fetch_below(place)
+    if there := place_of(place):
+        there.pull(there.below(place))
     record = read_record(place)
     for path in record.foreign():
         yield f"{path.relative_to(place)} is no part of the export; move it away"

@@ -23,9 +23,9 @@ def test_what_is_put_is_listed_and_got_by_the_same_name(store, tmp_path):
     store.put(tmp_path / "sent", "a/b.txt")
     # a neighbour whose name begins alike is none of it
     Store(f"{store.url}-2").write_new("d", b"")
-    assert {name: each.size for name, each in store.list().items()} == {"a/b.txt": 4}
-    assert store.get("a/b.txt", tmp_path / "got") and (tmp_path / "got").read_bytes() == b"four"
-    assert store.read("none") is None and not store.get("none", tmp_path / "none")
+    assert store.list() == {"a/b.txt": 4}
+    assert store.get("a/b.txt", tmp_path / "got", 4) and (tmp_path / "got").read_bytes() == b"four"
+    assert store.read("none") is None and not store.get("none", tmp_path / "none", 4)
     store.delete(["a/b.txt", "none"])
     assert store.list() == {}
 
@@ -67,3 +67,17 @@ def test_a_store_that_refuses_or_is_silent_is_one_line_soon(monkeypatch):
 def test_a_store_without_its_library_is_one_line():
     with pytest.raises(StoreError, match=r"^nosuch://x: Protocol not known: nosuch"):
         Store("nosuch://x").list()
+
+
+def test_a_bucket_that_is_not_there_is_no_empty_one(monkeypatch, tmp_path):
+    class Gone(MemoryFileSystem):
+        def find(self, path, maxdepth=None, withdirs=False, detail=False, **kwargs):
+            raise FileNotFoundError("the bucket does not exist")
+
+        put_file = find
+
+    fsspec.register_implementation("gone", Gone, clobber=True)
+    (tmp_path / "a").touch()
+    for use in (Store("gone://x").list, lambda: Store("gone://x").put(tmp_path / "a", "a")):
+        with pytest.raises(StoreError, match="the bucket does not exist"):
+            use()
