@@ -114,9 +114,6 @@ def evaluate(
     ] = 0,
     clock: ClockText = None,
     instructions: Annotated[str, option("Instructions of the split seen or unseen.")] = "unseen",
-    compounding: Annotated[
-        bool, option("Apply the clutter penalty to every distractor, as the original does.")
-    ] = False,
     paired: Annotated[
         bool,
         option(
@@ -196,7 +193,6 @@ def evaluate(
         episodes=episodes or 100,
         seed=seed,
         split=instructions,
-        compounding=compounding,
         films=films,
         answer_seconds=answer_seconds,
         paired=paired,

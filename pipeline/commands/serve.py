@@ -52,12 +52,6 @@ def serve_policy(
     embodiment: Annotated[
         str, option("The robot of openpi's clients, which do not name it.")
     ] = "aloha",
-    reset_every: Annotated[
-        int,
-        number(
-            0, 100_000, "Number of questions in an episode of openpi's clients; 0 detects its end."
-        ),
-    ] = 0,
     as_json: AsJson = False,
 ) -> None:
     """Serve a policy to `evaluate --policy ws://HOST:PORT`, here or on another machine."""
@@ -91,7 +85,7 @@ def serve_policy(
         sys.stdout.flush()
 
     make = made if batch_wait is None else batcher_of(made(), policy, batch_wait / 1000).seat
-    options, limits = ServerOptions(name.label, robot, reset_every), ServerLimits(clients)
+    options, limits = ServerOptions(name.label, robot), ServerLimits(clients)
     report = partial(print, file=sys.stderr, flush=True)
     PolicyServer(make, options, address, limits, report).run(print_address)
 

@@ -54,7 +54,7 @@ class RecordedResult(StrictModel):
 
     @model_validator(mode="after")
     def _readable(self) -> "RecordedResult":
-        if len(self.options) < 4:
+        if len(self.options) < 3:
             raise ValueError("options are missing")
         self.read_setup()
         for cell in self.read_cells():
@@ -71,10 +71,6 @@ class RecordedResult(StrictModel):
         """Whether a row of this key is of this policy, clock and options."""
         code, policy, clock, _, _, options = key
         return (code, policy, clock, options) == self.identity[:4]
-
-    @property
-    def compounding(self) -> bool:
-        return self.options[2] is True
 
     @property
     def conditions(self) -> bool:

@@ -48,7 +48,6 @@ class EpisodeJob:
     code: str = ""
     setup: Setup = BLIND
     split: str = "unseen"
-    compounding: bool = False
     answer_seconds: float = ANSWER_SECONDS
     benchmark: str = ""
     paired: bool = False
@@ -60,7 +59,7 @@ class EpisodeJob:
     @property
     def key(self) -> tuple[Any, ...]:
         case, seconds = self.case, self.answer_seconds
-        options = [self.setup.given(), self.split, self.compounding, self.policy.process]
+        options = [self.setup.given(), self.split, self.policy.process]
         if seconds != ANSWER_SECONDS:
             options.append(f"{seconds:g} s")
         if self.benchmark:
@@ -136,7 +135,7 @@ def play_arm(job: EpisodeJob, tape: "list[Answer] | None" = None) -> tuple[Trial
         if eyes:
             eyes.close()
     with spent("score"):
-        result = asdict(score(trial, job.compounding))
+        result = asdict(score(trial))
     cell = {k: v for k, v in spec.values().items() if k not in ("slot", "slot_seed", "arm")}
     row = {
         "policy": job.policy.label,
@@ -196,7 +195,6 @@ def _drive(
     script = trial.simulation.script
     records = job.case.spec.arm == CONTROL
     words = instruction_of(trial.scene, job.split)
-    rng = job.case.spec.rng("evaluate/latency")
     with spent("policy"):
         asked.begin(start_of(trial.scene.embodiment, job.setup, words), trial, job.case)
     if job.clock.join is not None and attribute(asked.policy, "scripted"):
@@ -211,7 +209,7 @@ def _drive(
             chunk = asked.answer(observation, trial.length)
         inferred = asked.inferences > number
         took = spent.seconds["policy"] - before
-        delay = job.clock.delay(took, rng) if inferred else 0.0
+        delay = job.clock.delay(took) if inferred else 0.0
         if script is not None and inferred:
             delay += script.active("latency", trial.time)
         if tape is not None and records:

@@ -46,7 +46,6 @@ class Evaluation:
     seed: int = 0
     setup: Setup = BLIND
     split: str = "unseen"
-    compounding: bool = False
     code: str = ""
     films: int = 0
     answer_seconds: float = ANSWER_SECONDS
@@ -197,7 +196,7 @@ def _write_page(code: str, results: Results, out: Path) -> Path:
 
 
 def _job(evaluation: Evaluation, case: Case) -> EpisodeJob:
-    names = ("policy", "clock", "code", "setup", "split", "compounding", "answer_seconds", "paired")
+    names = ("policy", "clock", "code", "setup", "split", "answer_seconds", "paired")
     label = evaluation.benchmark.label if evaluation.benchmark else ""
     given = {name: getattr(evaluation, name) for name in names}
     return EpisodeJob(case, **given, benchmark=label)

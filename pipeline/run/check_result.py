@@ -163,9 +163,7 @@ def _differences(result: RecordedResult, rows: Sequence[Row], cases: Cases) -> I
 def _jobs(
     out: Path, result: RecordedResult, rows: Sequence[Row], cases: Cases, faults: list[str]
 ) -> Iterator[ReplayJob]:
-    # delays of a measured clock are in the actions
-    measured = ":trace:" in result.clock or ":measured" in result.clock
-    clock = Clock(result.clock, "measured") if measured else parse_clock(result.clock)
+    clock = parse_clock(result.clock)
     for row in rows:
         spec, digest = json.loads(row["key"])[3:5]
         path = actions_file(out, row["key"])
@@ -178,15 +176,15 @@ def _jobs(
             faults.append(f"{path.name}: {error.__class__.__name__}: {error} ({_named(row)})")
             continue
         if (case := cases.get((spec, digest))) is not None:
-            if waits := _other_waits(clock, case, commands):
+            if waits := _other_waits(clock, commands):
                 faults.append(f"{_named(row)}: {waits}")
             yield ReplayJob(case, clock, result, row, commands)
 
 
-def _other_waits(clock: Clock, case: Case, commands: Floats) -> str:
+def _other_waits(clock: Clock, commands: Floats) -> str:
     if clock.kind == "measured" or not len(commands):
-        return ""
-    wanted = clock.delay(0.0, case.spec.rng("evaluate/latency"))
+        return ""  # delays of a measured clock are in the actions
+    wanted = clock.delay(0.0)
     waited = commands[0, 0] / PHYSICS_HZ
     # an overlapped answer waits for whole control periods
     if -0.003 <= waited - wanted <= (0.5 if clock.join else 0.003):
@@ -203,5 +201,5 @@ def carry_out_again(job: ReplayJob) -> dict[str, Any]:
         trial.repeat(job.commands)
     except ActionError as error:
         return {"success": f"refused ({error})"}
-    scored = asdict(score(trial, job.result.compounding))
+    scored = asdict(score(trial))
     return json.loads(json.dumps(scored)) | {"same_start": same}

@@ -54,4 +54,4 @@ def test_columns_go_from_paused_over_latencies_to_asynchronous_clocks(tmp_path):
         write(tmp_path, "p", [1], clock=clock)
     titles = [clock_title(clock) for clock in board(newest(tmp_path)).clocks]
     assert titles == ["paused", "late:50", "100 ms", "300 ms", "async 100 ms", "async 100 ms rtc"]
-    assert clock_title("latency:normal:100:20") == "latency:normal:100:20"
+    assert clock_title("latency:measured") == "latency:measured"

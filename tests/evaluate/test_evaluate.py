@@ -129,7 +129,7 @@ def test_overlap_takes_the_latency_out_of_a_policy_that_plans_ahead(tmp_path):
 
 
 def test_the_same_episode_gives_the_same_numbers_and_latency_changes_them():
-    clock = "latency:normal:60:20"
+    clock = "latency:60"
     again = [without_times(episode("reactive:delay=0.1,noise=0.002", 3)) for _ in range(2)]
     assert again[0] == again[1]
     first, second = (without_times(episode("replay", 1, clock)) for _ in range(2))

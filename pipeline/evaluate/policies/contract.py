@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, astuple, replace
-from typing import Any, Literal
+from typing import Any
 
 from pydantic.dataclasses import dataclass
 
@@ -24,12 +24,9 @@ class Contract:
     image_sizes: Mapping[str, tuple[int, int]] | None = None
     rate: int | None = None
     chunk: int | None = None
-    normalization: Literal["policy"] = "policy"
     representation: str = JOINTS.actions
     rotation: str = JOINTS.rotation
     frame: str = JOINTS.frame
-    history: Literal["policy"] = "policy"
-    seeds: Literal["episode"] = "episode"
 
     @classmethod
     def of(cls, actions: Representation) -> "Contract":

@@ -52,7 +52,7 @@ class LerobotPolicy:
         for layer in policy.modules():
             if layer is not policy:
                 layer.register_forward_pre_hook(self._note_run)
-        self.contract = Contract(None, None, None, self._at_once, "policy", *astuple(actions))
+        self.contract = Contract(None, None, None, self._at_once, *astuple(actions))
         self._needed = replace(self.contract, image_sizes=dict(self._keys.values()))
 
     def reset(self, start: Start) -> None:

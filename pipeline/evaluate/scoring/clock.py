@@ -1,6 +1,7 @@
 """The world's time during an inference (docs/evaluation.md)."""
 
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from math import ceil
@@ -23,9 +24,8 @@ STEP_LOCKED_RATE = 0.1 / 0.06  # of target motion to robot motion in the origina
 Join = Literal["switch", "blend", "rtc"]
 
 HELP = (
-    "sim (or paused), step-locked, late:MS, latency:MS (or MS), latency:normal:MEAN:SD,"
-    " latency:uniform:LOW:HIGH, latency:measured, or async: in place of latency:, also with :blend"
-    " or :rtc at the end"
+    "sim (or paused), step-locked, late:MS, latency:MS (or MS), latency:measured, or async: in"
+    " place of latency:, also with :blend or :rtc at the end"
 )
 
 
@@ -62,68 +62,43 @@ class Retimed:
 
 @dataclass(frozen=True)
 class Clock:
-    """How time passes during an inference. `values` are the numbers of the `kind` in ms; `join`
-    joins overlapping chunks."""
+    """How time passes during an inference. `ms` is the delay of the `kind` fixed, or how late a
+    target begins; `join` joins overlapping chunks."""
 
     name: str
     kind: str
-    values: tuple[float, ...] = ()
+    ms: float = 0.0
     join: Join | None = None
 
     def motion(self, motion: Motion) -> Motion:
         if self.kind == "late":
-            return Retimed(motion, late=self.values[0] / 1000)
+            return Retimed(motion, late=self.ms / 1000)
         return Retimed(motion, STEP_LOCKED_RATE) if self.kind == "step-locked" else motion
 
-    def delay(self, measured: float, rng: np.random.Generator) -> float:
-        v = self.values
-        match self.kind:
-            case "fixed":
-                return v[0] / 1000
-            case "normal":
-                return max(0.0, float(rng.normal(v[0], v[1]))) / 1000
-            case "uniform":
-                return float(rng.uniform(v[0], v[1])) / 1000
-            case _:
-                return measured if self.kind == "measured" else 0.0
+    def delay(self, measured: float) -> float:
+        """Seconds of an inference that took `measured` s on the wall clock."""
+        if self.kind == "measured":
+            return measured
+        return self.ms / 1000 if self.kind == "fixed" else 0.0
 
 
 def parse_clock(text: str) -> Clock:
-    kind, *rest = text.split(":")
-    if kind in ("sim", "sim-clock", "paused") and not rest:
+    if text in ("sim", "sim-clock", "paused"):
         return Clock("sim", "sim")
-    if len(_milliseconds([text])) == 1:
-        kind, rest = "latency", [text]
     if text == "step-locked":
         return Clock(text, text)
-    if kind == "late" and len(numbers := _milliseconds(rest)) == 1:
-        return Clock(text, "late", numbers)
-    if kind in ("latency", "async") and rest and (clock := _parse_delay(kind, rest)):
-        return clock
-    raise ClockError(f"--clock {text!r} is unknown: give {HELP} (times in ms)")
-
-
-def _parse_delay(kind: str, rest: list[str]) -> Clock | None:
+    name = text if ":" in text else f"latency:{text}"
+    kind, *rest = name.split(":")
     join: Join | None = None
     if kind == "async":
         join = cast(Join, rest.pop()) if rest[-1] in ("blend", "rtc") else "switch"
-    suffix = f":{join}" if join in ("blend", "rtc") else ""
-    name = f"{':'.join([kind, *rest])}{suffix}"
-    if rest == ["measured"]:
-        return Clock(name, "measured", (), join)
-    counts = {"normal": 2, "uniform": 2}
-    drawn = rest.pop(0) if rest and rest[0] in counts else "fixed"
-    numbers = _milliseconds(rest)
-    if len(numbers) != counts.get(drawn, 1) or (drawn == "uniform" and numbers[0] > numbers[1]):
-        return None
-    return Clock(name, drawn, numbers, join)
-
-
-def _milliseconds(words: list[str]) -> tuple[float, ...]:
-    try:
-        return tuple(real(word, 0, 60_000) for word in words)
-    except ParseError:
-        return ()
+    if kind in ("late", "latency", "async") and len(rest) == 1:
+        if rest[0] == "measured" and kind != "late":
+            return Clock(name, "measured", join=join)
+        with suppress(ParseError):
+            ms = real(rest[0], 0, 60_000)
+            return Clock(name, "late" if kind == "late" else "fixed", ms, join)
+    raise ClockError(f"--clock {text!r} is unknown: give {HELP} (times in ms)")
 
 
 Question = Callable[[Floats], tuple[Floats, float]]

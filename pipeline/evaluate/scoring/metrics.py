@@ -75,13 +75,10 @@ def route_completion(tools: Floats, goal: ArrayLike, success: bool) -> float:
     return 100.0 * max(progress(tools[0, i], tools[-1, i], goal) for i in range(tools.shape[1]))
 
 
-def manipulation_score(
-    rc: float, *, out_of_bounds: bool, distractors: int, compounding: bool = False
-) -> float:
-    """MS: `rc` times 0.5 out of bounds, times 0.8 where distractors were touched: once as in the
-    paper, or for each (`compounding`) as in its code."""
-    times = distractors if compounding else min(distractors, 1)
-    return rc * (OUT_OF_BOUNDS if out_of_bounds else 1.0) * CLUTTER**times
+def manipulation_score(rc: float, *, out_of_bounds: bool, clutter: bool) -> float:
+    """MS: `rc` times 0.5 out of bounds, times 0.8 if distractors were touched: once as in the
+    paper, where its code has it for each."""
+    return rc * (OUT_OF_BOUNDS if out_of_bounds else 1.0) * (CLUTTER if clutter else 1.0)
 
 
 def touched_distractors(log: StateLog) -> tuple[str, ...]:
@@ -97,7 +94,7 @@ def jerk(positions: Floats, fps: float) -> float:
     return float(np.sqrt((third**2).sum(-1).mean()))
 
 
-def score(trial: Trial, compounding: bool = False) -> EpisodeScore:
+def score(trial: Trial) -> EpisodeScore:
     """After a fault of the policy both scores are 0."""
     scene, log = trial.scene.by_role(trial.log())
     success = trial.ending == SUCCESS
@@ -109,13 +106,12 @@ def score(trial: Trial, compounding: bool = False) -> EpisodeScore:
     if trial.ending in FAULTS:
         rc = 0.0
     away = trial.ending == OUT_OF_VIEW or trial.left_workspace
-    distractors = touched_distractors(log)
-    counts = {"distractors": len(distractors), "compounding": compounding}
+    penalties = {"out_of_bounds": away, "clutter": bool(touched_distractors(log))}
     return EpisodeScore(
         success=success,
         route_completion=rc,
-        manipulation_score=manipulation_score(rc, out_of_bounds=away, **counts),
-        penalties=(*(("out_of_bounds",) if away else ()), *(("clutter",) if distractors else ())),
+        manipulation_score=manipulation_score(rc, **penalties),
+        penalties=tuple(name for name, applies in penalties.items() if applies),
         failed=missing,
         failure="" if success else failure_class(trial, log),
         meeting=log.time_of("meeting"),

@@ -1,7 +1,7 @@
 """The server's side of the protocol (docs/policy_server.md), without a network.
 
-openpi's own clients send no reset: an episode begins with a new prompt, if the robot is home
-unasked, or after N questions."""
+openpi's own clients send no reset: an episode begins with a new prompt, or if the robot is home
+unasked."""
 
 import time
 from collections.abc import Callable, Mapping
@@ -94,19 +94,17 @@ class EpisodeMessage(_Message):
 
 @dataclass(frozen=True)
 class ServerOptions:
-    """The policy's name, and the robot of clients without "reset": their episodes have
-    `reset_every` questions; with 0 their ends are recognised."""
+    """The policy's name, and the robot of clients without "reset"."""
 
     label: str
     embodiment: str = "aloha-agilex"
-    reset_every: int = 0
 
 
 class Session:
     def __init__(self, policy: Policy, options: ServerOptions) -> None:
         self._policy, self._options = policy, options
         self._start: Start | None = None
-        self._asked = self._periods = 0
+        self._periods = 0
         self._last = np.empty((0, 0))
 
     def metadata(self) -> dict[str, Any]:
@@ -128,14 +126,14 @@ class Session:
         if self._start is not None:
             length = contracts.action_length(self._policy, self._start.action_names)
         self._last = actions = chunk_of(self._policy.act(observation), length)
-        self._asked, self._periods = self._asked + 1, self._periods + len(actions)
+        self._periods += len(actions)
         inferences = count_inferences(self._policy)
         counted = {} if inferences is None else {"inferences": inferences}
         timing = {"infer_ms": 1000 * (time.perf_counter() - began)}
         return {"actions": actions, "server_timing": timing, **counted, **echo}
 
     def _begin(self, start: Start) -> None:
-        self._start, self._asked, self._periods = None, 0, 0
+        self._start, self._periods = None, 0
         contracts.check_contract(self._policy, start)
         contracts.begin(self._policy, start)
         self._start = start
@@ -180,8 +178,6 @@ class Session:
         return Observation(state, prompt, self._periods / DEFAULT_FPS, images)
 
     def _is_new(self, prompt: str, state: Floats, start: Start) -> bool:
-        if self._options.reset_every:
-            return self._asked >= self._options.reset_every
         if prompt != start.instruction:
             return True
         return self._from_home(state[None]) < AT_HOME and self._from_home(self._last) > LEFT_HOME

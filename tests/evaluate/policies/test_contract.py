@@ -100,8 +100,3 @@ def test_a_policy_of_the_same_setup_or_of_less_is_taken():
     )
     check_contract(SimpleNamespace(setup=start.setup, size="large", cameras=3), start)
     check_contract(SimpleNamespace(fps=30, cameras=["head_camera"], setup={"depth": False}), start)
-
-
-def test_a_policy_that_leaves_its_normalization_to_the_evaluator_is_refused():
-    with pytest.raises(ValueError, match="normalization"):
-        Contract(normalization="evaluator")  # pyright: ignore[reportArgumentType]

@@ -48,7 +48,7 @@ class Recorded:
     float32, against the state that it is shown."""
 
     def __init__(self, representation, case, chunk):
-        self.contract = Contract(None, None, None, chunk, "policy", *astuple(representation))
+        self.contract = Contract(None, None, None, chunk, *astuple(representation))
         self._codec = ActionCodec(representation, NAMES, read_chains("aloha-agilex"))
         self._actions, self._chunk = expert_actions(case), chunk
 

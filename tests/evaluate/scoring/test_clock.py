@@ -18,29 +18,13 @@ MOTION = PlanarMotion(
 )
 
 
-def rng():
-    return np.random.default_rng(5)
-
-
 def test_the_world_waits_for_nobody_but_a_slow_policy():
-    assert parse_clock("sim").delay(9.0, rng()) == 0
+    assert parse_clock("sim").delay(9.0) == 0
     assert parse_clock("sim-clock").name == parse_clock("paused").name == "sim"
     assert parse_clock("120") == parse_clock("latency:120")
-    assert parse_clock("step-locked").delay(9.0, rng()) == 0
-    assert parse_clock("latency:120").delay(9.0, rng()) == pytest.approx(0.12)
-    assert parse_clock("latency:measured").delay(0.31, rng()) == 0.31
-
-
-def test_distributions_have_their_moments():
-    drawn = rng()
-    normal = [parse_clock("latency:normal:200:20").delay(0, drawn) for i in range(4000)]
-    assert np.mean(normal) == pytest.approx(0.2, abs=0.002)
-    assert np.std(normal) == pytest.approx(0.02, rel=0.06)
-    uniform = [parse_clock("latency:uniform:50:150").delay(0, drawn) for i in range(4000)]
-    assert min(uniform) >= 0.05
-    assert max(uniform) <= 0.15
-    assert np.mean(uniform) == pytest.approx(0.1, abs=0.002)
-    assert min(parse_clock("latency:normal:10:200").delay(0, drawn) for i in range(200)) == 0
+    assert parse_clock("step-locked").delay(9.0) == 0
+    assert parse_clock("latency:120").delay(9.0) == pytest.approx(0.12)
+    assert parse_clock("latency:measured").delay(0.31) == 0.31
 
 
 @pytest.mark.parametrize(
@@ -51,8 +35,9 @@ def test_distributions_have_their_moments():
         "latency",
         "latency:x",
         "latency:-1",
-        "latency:uniform:9:3",
-        "latency:normal:1",
+        "latency:normal:200:20",
+        "late:measured",
+        "async:rtc",
         "latency:nan",
         "late",
         "late:1:2",
@@ -77,7 +62,7 @@ def test_a_late_target_stands_first_and_then_does_the_same():
     np.testing.assert_allclose(late.pose(0.3), MOTION.pose(0.0))
     np.testing.assert_allclose(late.twist(0.3), np.zeros(6))
     np.testing.assert_allclose(late.pose(1.4), MOTION.pose(1.0))
-    assert parse_clock("late:400").delay(9.0, rng()) == 0
+    assert parse_clock("late:400").delay(9.0) == 0
 
 
 def test_what_moves_beside_a_target_is_late_too():

@@ -53,13 +53,11 @@ def test_constructed_approaches():
     assert progress(goal, (0.3, 0.06, 0.8), goal) == 0.5
 
 
-@given(st.floats(0, 100), st.booleans(), st.integers(0, 4))
-def test_penalties_multiply(rc, away, distractors):
-    base = rc * (0.5 if away else 1)
-    paper = manipulation_score(rc, out_of_bounds=away, distractors=distractors)
-    original = manipulation_score(rc, out_of_bounds=away, distractors=distractors, compounding=True)
-    assert paper == pytest.approx(base * (0.8 if distractors else 1))
-    assert original == pytest.approx(base * 0.8**distractors)
+@given(st.floats(0, 100), st.booleans(), st.booleans())
+def test_penalties_multiply(rc, away, clutter):
+    expected = rc * (0.5 if away else 1) * (0.8 if clutter else 1)
+    scored = manipulation_score(rc, out_of_bounds=away, clutter=clutter)
+    assert scored == pytest.approx(expected)
 
 
 def test_jerk_of_a_cubic_is_its_third_derivative():

@@ -96,13 +96,8 @@ def test_chunks_go_over_into_each_other():
 
 
 def test_names_of_overlapping_clocks():
-    clock = parse_clock("async:normal:200:20:rtc")
-    assert (clock.name, clock.kind, clock.values, clock.join) == (
-        "async:normal:200:20:rtc",
-        "normal",
-        (200.0, 20.0),
-        "rtc",
-    )
+    clock = parse_clock("async:200:rtc")
+    assert (clock.name, clock.kind, clock.ms, clock.join) == ("async:200:rtc", "fixed", 200, "rtc")
     assert (
         parse_clock("async:200").join == "switch"
         and parse_clock("async:measured:blend").join == "blend"
