@@ -246,7 +246,7 @@ def describe(cells: Sequence[Row], means: Sequence[Row]) -> str:
     """Cells and means over tasks as aligned text, without empty columns."""
     rows = list[Row]()
     for row in (*cells, *means):
-        low, high = row.get("success_interval") or row["success_rate_interval"]
+        low, high = row["success_rate_interval"]
         failures = row.get("failures", {}) | {"unreachable poses": row.get("unreachable", 0)}
         hold = row.get("hold")
         rows.append(

@@ -29,7 +29,7 @@ def test_a_line_is_a_policy_and_a_column_a_clock(rows):
     # the mean over tasks of 50 and 25 per cent, not that of all episodes alone
     assert best.scores["sim"]["success_rate"] == pytest.approx(37.5)
     assert best.scores["latency:100"]["success_rate"] == 0
-    low, high = best.scores["sim"]["interval"]
+    low, high = best.scores["sim"]["success_rate_interval"]
     assert low < 37.5 < high
 
 

@@ -62,12 +62,9 @@ Board = namedtuple("Board", "lines clocks levels domains tasks")
 def board(rows: Sequence[Row]) -> Board:
     rows = each_scene_once(rows)
     means = (mean for mean in over_tasks(rows) if mean["category"] == "all")
-    cells = [(cell, cell["task"], "success_interval") for cell in summarise(rows)]
-    cells += [(mean, ALL, "success_rate_interval") for mean in means]
     groups: dict[Any, dict[str, Row]] = defaultdict(dict)
-    for cell, task, interval in cells:
-        scores = groups[(*(cell[key] for key in LINE), task)]
-        scores[cell["clock"]] = cell | {"interval": cell[interval]}
+    for cell in (*summarise(rows), *means):
+        groups[(*(cell[key] for key in LINE), cell.get("task", ALL))][cell["clock"]] = cell
     lines = [
         BoardLine(
             dict(zip(LINE, key, strict=False)),

@@ -126,13 +126,16 @@ def wilson(successes: float, n: float) -> tuple[float, float]:
     return max(0.0, float(centre - half)), min(1.0, float(centre + half))
 
 
-def bootstrap(values: Sequence[float]) -> tuple[float, float]:
-    """95 % percentile interval of the mean, in any order; NaN for none."""
-    if not len(values):
+def bootstrap(*groups: Sequence[float]) -> tuple[float, float]:
+    """95 % percentile interval of the mean of the groups' means, of values in any order that are
+    drawn inside their group; NaN for none."""
+    if not all(map(len, groups)):
         return float("nan"), float("nan")
-    ordered = np.sort(np.asarray(values, float))
-    index = np.random.default_rng(0).integers(len(ordered), size=(2000, len(ordered)))
-    low, high = np.quantile(ordered[index].mean(1), [0.025, 0.975])
+    rng, means = np.random.default_rng(0), np.zeros(2000)
+    for group in groups:
+        values = np.sort(np.asarray(group, float))
+        means += values[rng.integers(len(values), size=(len(means), len(values)))].mean(1)
+    low, high = np.quantile(means / len(groups), [0.025, 0.975])
     return float(low), float(high)
 
 
