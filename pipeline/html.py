@@ -1,4 +1,5 @@
-"""HTML pages from jinja2 templates, and text for Markdown. Every value is escaped."""
+"""Pages from jinja2 templates, and text for Markdown. Every value of HTML is escaped; one of
+Markdown is given escaped."""
 
 import base64
 import re
@@ -22,7 +23,7 @@ def _environment(package: str) -> Environment:
     """The templates of a package, each compiled once."""
     environment = Environment(
         loader=ChoiceLoader([PackageLoader(package), PackageLoader("pipeline")]),
-        autoescape=True,
+        autoescape=lambda name: not str(name).endswith(".md.jinja"),
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,

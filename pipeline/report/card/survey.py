@@ -18,8 +18,6 @@ from pipeline.data.spec import EpisodeSpec
 from pipeline.html import table
 from pipeline.motion.models import motion_from_json
 from pipeline.motion.recorded import (
-    LEAST,
-    SECONDS,
     TRACKS,
     before_meeting,
     is_hidden,
@@ -106,15 +104,6 @@ def by_cell(seen: Sequence[SurveyedEpisode]) -> dict[Cell, list[SurveyedEpisode]
     return dict(sorted(cells.items(), key=lambda item: item[0].path))
 
 
-VISIBILITY = f"""\
-How much of the target's silhouette is in the image and not behind the robot or another body.
-An episode hides the target if less than {100 * LEAST:.0f} % is visible in all frames of the last
-{SECONDS:g} s before the meeting. The recipe key `view: unoccluded` rejects attempts in which this
-holds for more than half of these frames of the head camera:
-
-"""
-
-
 def visibility(seen: Sequence[SurveyedEpisode], names: Mapping[str, str]) -> str:
     """How much of the target the cameras see; "" if no episode states it."""
     rows = []
@@ -133,7 +122,7 @@ def visibility(seen: Sequence[SurveyedEpisode], names: Mapping[str, str]) -> str
         " 90th percentile (%) | episodes that hide the target (%) |"
         " episodes that `view: unoccluded` rejects (%)"
     )
-    return VISIBILITY + table(head, rows) if rows else ""
+    return table(head, rows) if rows else ""
 
 
 def camera_names(seen: Sequence[SurveyedEpisode], summary: Mapping[str, Any]) -> Mapping[str, str]:

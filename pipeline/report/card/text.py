@@ -1,7 +1,8 @@
-"""Writes an export's card."""
+"""Fills the templates of a card with what an export holds."""
 
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
@@ -9,15 +10,14 @@ import numpy as np
 
 from pipeline.data.dataset import Dataset, licences_in
 from pipeline.data.slots.select import TEST, VALIDATION, split_of
-from pipeline.html import bullets, code_block, code_span, markdown, table
+from pipeline.html import bullets, code_block, code_span, markdown, render_page, table
 from pipeline.motion.models import PLANAR, level_name, level_of
 from pipeline.motion.planar_shapes import mean_speed
+from pipeline.motion.recorded import LEAST, SECONDS
 from pipeline.report.film_strip import clip, contact_sheet, encode
 
-from .loading import loading_section
 from .plots import plots
 from .survey import SurveyedEpisode, by_cell, camera_names, cameras, look, visibility
-from .words import citation, is_failures, kind_of, limits, title, uses
 
 SHEET_ROWS, CLIPS, CELLS = 8, 4, 40
 IN_FORCE = "is the joint target in force at frame t"
@@ -27,6 +27,12 @@ TIMING = {
 }
 TIMING["dynamicwam"] = TIMING["robotwin"]
 """When states and actions hold, in formats that are not as the others."""
+
+EXPERTS = {
+    "planned": "that know the target's motion in advance",
+    "reactive": "that see the target's poses up to each moment, and know nothing of its future but"
+    " which arm is to act",
+}
 
 
 def describe(dataset: Path, episodes: Sequence[Path]) -> Callable[[Path, Mapping[str, Any]], str]:
@@ -40,28 +46,23 @@ def describe(dataset: Path, episodes: Sequence[Path]) -> Callable[[Path, Mapping
         chosen = [cell[0].file for cell in by_cell(seen).values()]
         sheet = contact_sheet(spread(chosen, SHEET_ROWS))
         (images / "contact_sheet.jpg").write_bytes(encode(sheet))
-        films = list[str]()
-        for number, path in enumerate(spread(chosen, CLIPS)):
-            name = f"clip_{number}.mp4"
+        films = [f"clip_{number}.mp4" for number in range(min(CLIPS, len(chosen)))]
+        for name, path in zip(films, spread(chosen, CLIPS), strict=True):
             (images / name).write_bytes(clip(path))
-            films.append(f'<video src="card/{name}" controls muted loop width="420"></video>')
-        intended, unintended = map(bullets, uses(seen, summary))
-        held = _reasons(seen) if is_failures(summary) else ""
-        shown = visibility(seen, camera_names(seen, summary))
-        sections = {
-            "Intended use": f"For:\n\n{intended}\nNot for:\n\n{unintended}",
-            "What is in it": held + _cells(dataset, seen) + _speeds(seen),
-            "How it looks": "\n".join(["![one row an episode](card/contact_sheet.jpg)", *films]),
-            "Plots": "![starts, motions, speeds, lengths, ranges](card/plots.png)",
-            "Cameras": cameras(seen, summary) + shown,
-            "How to load it": loading_section(folder, summary),
-            "Splits": _splits(seen, summary.get("validation", VALIDATION)),
-            "How it was made": _origin(dataset, summary),
-            "Known limits": bullets(limits(seen, summary)),
-            "Citation": f"```bibtex\n{citation(seen, summary)}```\n",
+        failures = summary.get("split") == "failures"
+        held = _reasons(seen) if failures else ""
+        values = {
+            **_opening(seen, summary, failures),
+            **_parts(folder),
+            "contents": held + _cells(dataset, seen) + _speeds(seen),
+            "films": films,
+            "cameras": cameras(seen, summary),
+            "visibility": visibility(seen, camera_names(seen, summary)),
+            "splits": _splits(seen, summary.get("validation", VALIDATION)),
+            **_origin(dataset),
         }
-        texts = (f"## {head}\n\n{text.strip()}\n" for head, text in sections.items())
-        return "\n".join([f"# {title(seen, summary)}\n\n{_opening(seen, summary)}\n", *texts])
+        plain = {name: v.strip() if isinstance(v, str) else v for name, v in values.items()}
+        return render_page("pipeline.report.card", "card.md.jinja", **plain) + "\n"
 
     return write
 
@@ -73,27 +74,56 @@ def spread(items: Sequence[Path], count: int) -> list[Path]:
     return [items[round(i)] for i in np.linspace(0, len(items) - 1, count)]
 
 
-def _opening(seen: Sequence[SurveyedEpisode], summary: Mapping[str, Any]) -> str:
-    hours, frames = sum(one.seconds for one in seen) / 3600, sum(one.frames for one in seen)
-    size = f"{hours:.1f} h" if hours >= 1 else f"{60 * hours:.1f} min"
-    levels = ", ".join(
-        markdown(f"{level_name(*level)} ({level_of(*level).text})")
-        for level in sorted({one.level for one in seen})
-    )
+def _opening(
+    seen: Sequence[SurveyedEpisode], summary: Mapping[str, Any], failures: bool
+) -> dict[str, Any]:
+    """What title, first lines, limits and citation say. The identifier is from the sorted physics
+    ids: equal for every format and rendering.
+    """
+    tasks, robots = (sorted({getattr(e.spec, k) for e in seen}) for k in ("task", "embodiment"))
+    about = tasks[0].replace("_", " ") if len(tasks) == 1 else f"{len(tasks)} tasks"
+    hours = sum(one.seconds for one in seen) / 3600
     what = "robots manipulate objects that move"
-    if is_failures(summary):
+    if failures:
         what = "a scripted expert did not meet its task's conditions on an object that moves"
     elif policy := seen[0].meta.corrects:
         what = f"the policy {code_span(policy)} acts on objects that move; a scripted expert"
         what += " labels every frame, takes over and finishes"
     action = "the joint target commanded for the interval after it"
     timing = f"`state` is measured at a frame, `action` is {summary.get('action', action)}."
-    return (
-        f"{len(seen)} {kind_of(summary)}, {frames} frames at {seen[0].meta.fps} Hz, {size}: {what}."
-        f" Levels of motion: {levels}. Format: {code_span(summary['format'])}."
-        f" {TIMING.get(summary['format'], timing)} Poses are x y z qw qx qy qz in the world frame"
-        " (m): x to the robot's right, y away from it, z up, table top at z = 0.74."
-    )
+    # a policy is corrected by the reactive expert
+    experts = {"reactive" if one.meta.corrects else one.meta.expert for one in seen}
+    ids = sorted({one.meta.physics_id or one.spec.to_json() for one in seen})
+    levels = sorted({one.level for one in seen})
+    return {
+        "title": f"Dynamic manipulation{', failed attempts' if failures else ''}: {about},"
+        f" {', '.join(robots)}",
+        "count": len(seen),
+        "kind": "failed attempts" if failures else "simulated episodes",
+        "frames": sum(one.frames for one in seen),
+        "fps": seen[0].meta.fps,
+        "length": f"{hours:.1f} h" if hours >= 1 else f"{60 * hours:.1f} min",
+        "what": what,
+        "levels": ", ".join(
+            markdown(f"{level_name(*level)} ({level_of(*level).text})") for level in levels
+        ),
+        "format": summary["format"],
+        "format_span": code_span(summary["format"]),
+        "timing": TIMING.get(summary["format"], timing),
+        "failures": failures,
+        "corrected": any(one.meta.corrects for one in seen),
+        "experts": ", or ".join(EXPERTS[name] for name in sorted(experts)),
+        "identifier": sha256("\n".join(ids).encode()).hexdigest()[:16],
+        "least": f"{100 * LEAST:.0f}",
+        "seconds": f"{SECONDS:g}",
+    }
+
+
+def _parts(folder: Path) -> dict[str, Any]:
+    """The LeRobot datasets of an export that holds several, which differ in vector width."""
+    infos = (path.relative_to(folder) for path in folder.rglob("meta/info.json"))
+    parts = sorted(path.parent.parent.as_posix() for path in infos if len(path.parts) > 2)
+    return {"parts": parts, "parts_list": bullets(map(code_span, parts))}
 
 
 def _reasons(seen: Sequence[SurveyedEpisode]) -> str:
@@ -150,28 +180,19 @@ def _splits(seen: Sequence[SurveyedEpisode], validation: float) -> str:
         for one in seen
     )
     shares = {"train": 1 - validation - TEST, "validation": validation, "test": TEST}
-    return (
-        "The column `split` of the table of episodes, chosen by a hash of `physics_id`: the same"
-        " in every format and rendering, all looks of one motion in one split. `load_dataset(...,"
-        " split='train')` and `splits` in LeRobot's `meta/info.json` cover all episodes: select by"
-        " the column. Seen and unseen sentences have templates and descriptions of their own. To"
-        " hold out textures, split by domain.\n\n"
-    ) + table(
+    return table(
         "split | episodes | share on average (%)",
         [[split, counts[split], f"{100 * share:g}"] for split, share in shares.items()],
     )
 
 
-def _origin(dataset: Path, summary: Mapping[str, Any]) -> str:
+def _origin(dataset: Path) -> dict[str, str]:
     place = Dataset(dataset)
     made, keys = place.made_by(), ("renderer", "processor", "python", "code_version")
     rows = {key: made[key] for key in keys if key in made} | made.get("packages", {})
     rows |= {f"licence of {name}": licence for name, licence in licences_in(made).items()}
-    text = (
-        "Physics at 240 Hz. An attempt is a dry run, the back-calculation of the target's motion,"
-        " and a rollout in which it moves, judged from its state log."
-    )
-    text += " These failed in one of them.\n\n" if is_failures(summary) else "\n\n"
-    text += table("made with | ", rows.items()) if rows else ""
     recipe = place.manifest.read_text().strip() if place.manifest.exists() else ""
-    return text + (f"The recipe:\n\n{code_block(recipe, 'yaml')}" if recipe else "")
+    return {
+        "made": table("made with | ", rows.items()) if rows else "",
+        "recipe": code_block(recipe, "yaml") if recipe else "",
+    }
