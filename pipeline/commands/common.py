@@ -2,7 +2,6 @@
 
 import json
 import os
-import re
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -163,8 +162,6 @@ def crew_of(
         raise UsageError(f"--executor {executor!r} is unknown: choose {', '.join(EXECUTORS)}")
     if address is not None and executor == "inline":
         raise UsageError("--executor inline does not use the cluster of --address: leave one out")
-    if address is not None and not re.fullmatch(r"[A-Za-z0-9._-]{1,253}:[0-9]{1,5}", address):
-        raise UsageError(f"--address {show_value(address)} is not HOST:PORT, e.g. 10.0.0.1:6379")
     name, count = pick_executor("ray" if address else executor, workers, jobs)
     return Crew(name, count, address, gpus=gpus or 0.0)
 

@@ -11,10 +11,8 @@ from .process.machine import usable_cores
 from .recipe.model import Recipe, Slot
 from .slots.files import find_slot
 
-CHANGED = (
-    "bytes differ from the index's sha256; remove it, and rerun the build command of this dataset"
-)
 REMAKE = "remove it, if it is there, and run the build again to make its slot"
+CHANGED = f"bytes differ from the index's sha256; {REMAKE}"
 
 
 def missed(paths: list[Path]) -> str:
@@ -41,14 +39,9 @@ def check_bytes(dataset: Dataset, episode: Path) -> None:
     recipe, path = dataset.recipe(), dataset.episodes / episode
     slot = find_slot(recipe, episode.with_suffix("").as_posix())
     record = slot and dataset.record(recipe, slot)
-    if record is None:
+    if record is None or not record.accepted:
         raise DatasetError(f"{path}: belongs to no finished slot")
-    try:
-        same = record.accepted and file_hash(path) == record.sha256
-    except OSError as error:
-        raise DatasetError(f"{path}: cannot be read ({error.strerror})") from error
-    if not same:
-        raise DatasetError(f"{path}: {CHANGED}")
+    _read_each({path: record.sha256})
 
 
 def named_slot(dataset: Dataset, recipe: Recipe, episode: str) -> Slot:
@@ -71,18 +64,24 @@ def intact_episodes(dataset: Dataset, recipe: Recipe) -> list[Path]:
     rows = dataset.present(recipe, "sha256")
     rows = rows.where(rows.accepted)
     paths = [dataset.episode(slot) for slot in rows.slots]
+    hashes = [sha256.hex() for sha256 in rows.more["sha256"]]
+    return _read_each(dict(zip(paths, hashes, strict=True)))
+
+
+def _read_each(expected: Mapping[Path, str]) -> list[Path]:
+    """The files whose hashes are expected. Raises DatasetError for a missing or changed one."""
     with ThreadPoolExecutor(usable_cores()) as threads:
         try:
-            hashes = list(threads.map(file_hash, paths))
+            hashes = list(threads.map(file_hash, expected))
         except OSError as error:
             raise DatasetError(
-                f"{error.filename}: cannot be read ({error.strerror}); run the build again"
+                f"{error.filename}: cannot be read ({error.strerror}); {REMAKE}"
             ) from error
-    pairs = zip(paths, hashes, rows.more["sha256"], strict=True)
-    if damaged := [path for path, found, sha256 in pairs if found != sha256.hex()]:
+    pairs = zip(expected.items(), hashes, strict=True)
+    if damaged := [path for (path, sha256), found in pairs if found != sha256]:
         others = f" and {len(damaged) - 1} others" if len(damaged) > 1 else ""
         raise DatasetError(f"{damaged[0]}{others}: {CHANGED}")
-    return paths
+    return [*expected]
 
 
 def kept_failures(dataset: Dataset, recipe: Recipe) -> Iterator[tuple[Slot, Path, str]]:
@@ -96,15 +95,7 @@ def kept_failures(dataset: Dataset, recipe: Recipe) -> Iterator[tuple[Slot, Path
 
 def intact_failures(dataset: Dataset, recipe: Recipe) -> list[Path]:
     """The kept failures, each read. Raises DatasetError for a missing or changed one."""
-    found = list(kept_failures(dataset, recipe))
-    for _, path, sha256 in found:
-        try:
-            same = file_hash(path) == sha256
-        except OSError as error:
-            raise DatasetError(f"{path}: cannot be read ({error.strerror}); {REMAKE}") from error
-        if not same:
-            raise DatasetError(f"{path}: bytes differ from the index's sha256; {REMAKE}")
-    return [path for _, path, _ in found]
+    return _read_each({path: sha256 for _, path, sha256 in kept_failures(dataset, recipe)})
 
 
 def pairs_in(dataset: Dataset, recipe: Recipe) -> dict[str, int] | None:

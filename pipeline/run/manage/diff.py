@@ -5,13 +5,12 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from pipeline.data.dataset import Dataset
+from pipeline.data.keys import SlotKeys
 from pipeline.data.recipe.growth import differences
-from pipeline.data.recipe.model import Recipe, Slot
-from pipeline.data.slots.files import Listing
-from pipeline.data.slots.records import unpack_keys
+from pipeline.data.slots.records import SlotRecord
 
 MISSING, UNWANTED = "is not finished", "not wanted"
-GIVEN_UP, LOST = "was given up", "is finished, and its file is gone"
+GIVEN_UP = "was given up"
 BYTES = "other bytes, same keys"  # of another state log, or by a damaged installation
 
 
@@ -37,36 +36,26 @@ class Difference:
         return f"{self.slot}: {why}"
 
 
-@dataclass(frozen=True)
-class _Side:
-    """What a dataset has of a slot."""
-
-    accepted: bool
-    sha256: str
-    keys: str
-    there: bool
-
-
 def diff(a: Dataset, b: Dataset) -> dict[str, Any]:
     """{"same": slots, "differ": [Difference], "why": {reason: slots}, "recipes": differing
     keys}. Raises DatasetError.
     """
     recipes = a.recipe(), b.recipe()
-    first, second = _sides(a, recipes[0]), _sides(b, recipes[1])
+    first, second = dict(a.records(recipes[0])), dict(b.records(recipes[1]))
     wanted = [dict.fromkeys(recipe.slots()) for recipe in recipes]
     found, same = list[Difference](), 0
     for slot in wanted[0] | wanted[1]:
         one, other, parts = first.get(slot), second.get(slot), tuple[str, ...]()
+        if one is other:  # neither has it
+            continue
         if one and other:
-            if one == other and one.there:
+            parts = _parts(one.keys, other.keys)
+            if (one.accepted, one.sha256, parts) == (other.accepted, other.sha256, ()):
                 same += 1
                 continue
-            parts = _parts(slot, one, other)
-        elif one is other:
-            continue
         in_a = _state(one) if slot in wanted[0] else UNWANTED
         in_b = _state(other) if slot in wanted[1] else UNWANTED
-        if in_a == in_b != LOST:
+        if in_a == in_b:
             in_a = in_b = "" if parts else BYTES
         found.append(Difference(slot.path, in_a, in_b, parts))
     why = Counter(each.describe().partition(": ")[2] for each in found)
@@ -78,30 +67,16 @@ def diff(a: Dataset, b: Dataset) -> dict[str, Any]:
     }
 
 
-def _sides(dataset: Dataset, recipe: Recipe) -> dict[Slot, _Side]:
-    rows = dataset.rows(recipe, "sha256")
-    there = Listing(dataset.episodes, recipe).there(rows).tolist()
-    accepted, keys = rows.accepted.tolist(), rows.keys.tolist()
-    columns = zip(rows.slots, accepted, rows.more["sha256"], keys, there, strict=True)
-    return {
-        slot: _Side(accepted, sha.hex(), rows.texts[key], here)
-        for slot, accepted, sha, key, here in columns
-    }
-
-
-def _state(side: _Side | None) -> str:
-    if side is None:
+def _state(record: SlotRecord | None) -> str:
+    if record is None:
         return MISSING
-    if not side.there:
-        return LOST
-    return "is there" if side.accepted else GIVEN_UP
+    return "is there" if record.accepted else GIVEN_UP
 
 
-def _parts(slot: Slot, a: _Side, b: _Side) -> tuple[str, ...]:
-    first, second = unpack_keys(slot, a.keys), unpack_keys(slot, b.keys)
+def _parts(a: SlotKeys, b: SlotKeys) -> tuple[str, ...]:
     names = [
         f"{kind}.{part}"
-        for kind in vars(first)
-        for part in getattr(first, kind).changed(getattr(second, kind))
+        for kind in a.to_json()
+        for part in getattr(a, kind).changed(getattr(b, kind))
     ]
     return tuple(name for name in names if name not in ("render.physics", "language.physics"))
