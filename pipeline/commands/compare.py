@@ -1,7 +1,7 @@
 """compare, check-result, results."""
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import typer
 
@@ -36,23 +36,58 @@ def compare(
             0.01, 100, "Estimate the number of scenes that a difference of this many points needs."
         ),
     ] = 5,
+    one_by_one: Annotated[
+        bool,
+        option(
+            "Say after how many scenes the better one was known; look as often as you like.",
+            "--sequential",
+        ),
+    ] = False,
+    score: Annotated[
+        Literal["success", "route_completion", "manipulation_score"],
+        option("What --sequential compares."),
+    ] = "success",
+    alpha: Annotated[
+        float, number(0.0001, 0.5, "Chance of a false decision, --sequential.")
+    ] = 0.05,
     as_json: AsJson = False,
 ) -> None:
     """Compare policies with the first one on the scenes they share: difference, 95 % interval,
-    exact test, scenes needed. Of runs with --paired each policy with itself without events."""
+    exact test, scenes needed. Of runs with --paired, also --sequential, each policy with itself
+    without events."""
     from pipeline.evaluate.scoring.compare import compare as compare_arms
-    from pipeline.evaluate.scoring.compare import event_arms, read_arms
+    from pipeline.evaluate.scoring.compare import compare_sequentially, event_arms, read_arms
 
-    if paired := event_arms(runs):
+    paired = event_arms(runs)
+    if paired and not one_by_one:
         effects = [row for arms in paired for row in compare_arms(*arms, effect)]
         print_result({"effect": effect, "events": effects}, as_json, _describe(effects, effect))
         return
-    first, *others = read_arms(runs)
-    comparisons = [row for other in others for row in compare_arms(first, other, effect)]
+    if not paired:
+        first, *others = read_arms(runs)
+        paired = [(first, other) for other in others]
+    if one_by_one:
+        # each of several comparisons has its share of the chance of a false decision
+        tests = [compare_sequentially(*arms, score, alpha / len(paired)) for arms in paired]
+        text = "\n".join(map(_describe_test, tests))
+        print_result({"alpha": alpha, "score": score, "comparisons": tests}, as_json, text)
+        return
+    comparisons = [row for arms in paired for row in compare_arms(*arms, effect)]
     _correct(comparisons)
     shares = dict.fromkeys(map(_describe_share, comparisons))
     text = "\n".join([_describe(comparisons, effect), *shares]).rstrip()
     print_result({"effect": effect, "comparisons": comparisons}, as_json, text)
+
+
+def _describe_test(test: Values) -> str:
+    pair, known = f"{test['second']} against {test['first']}", f"(p {test['p']:.2g})"
+    if test["decided"]:
+        return (
+            f"{pair}: {test['better']} is better, known after {test['decided']} of"
+            f" {test['scenes']} scenes {known}"
+        )
+    more = f"; about {test['more']} more at this difference" if test["more"] else ""
+    return f"{pair}: undecided after {test['scenes']} scenes {known}{more}"
 
 
 def _describe_share(row: Values) -> str:

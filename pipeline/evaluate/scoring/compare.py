@@ -3,7 +3,8 @@
 import json
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ from pipeline.data.errors import DominoError
 from pipeline.data.reading import check_plain
 
 from .results import EPISODES, Results, check_episode
-from .statistics import SceneResult, paired_numbers
+from .statistics import SceneResult, paired_numbers, sequential
 from .summary import Row, scene_of
 
 
@@ -151,6 +152,26 @@ def compare(a: ComparedPolicy, b: ComparedPolicy, effect: float) -> list[dict[st
         for what, group in _groups([row for row, _ in pairs])
         for scenes in [_scenes([pair for pair, inside in zip(pairs, group, strict=True) if inside])]
     ]
+
+
+def compare_sequentially(
+    a: ComparedPolicy, b: ComparedPolicy, measure: str, alpha: float
+) -> dict[str, Any]:
+    """Scene by scene in hash order, until `measure` decides. Raises CompareError."""
+    shared = {scene_of(row) for row, _ in _pair(a, b)}
+    first, second = (_means(arm.rows, measure) for arm in (a, b))
+    order = sorted(shared, key=lambda scene: sha256(json.dumps(scene).encode()).digest())
+    test = sequential([second[scene] - first[scene] for scene in order], alpha)
+    better = {1: b.name, -1: a.name, 0: None}[test.better]
+    return {"first": a.name, "second": b.name} | asdict(test) | {"better": better}
+
+
+def _means(rows: Sequence[Row], measure: str) -> dict[Any, float]:
+    whole = 1 if measure == "success" else 100
+    return {
+        scene: float(np.mean([row[measure] for row in group])) / whole
+        for scene, group in _group(rows, scene_of).items()
+    }
 
 
 def _rate(rows: Sequence[Row]) -> float:

@@ -7,6 +7,7 @@ from math import ceil
 from typing import Any
 
 import numpy as np
+from scipy.special import logsumexp
 from scipy.stats import norm
 
 from pipeline.poses import Floats
@@ -153,6 +154,47 @@ def clustered(clusters: Sequence[tuple[int, int]]) -> tuple[float, float]:
     if variance:
         effective = float(np.clip(apart / variance, count, total))
     return wilson(rate * effective, effective)
+
+
+BETS = np.linspace(0.3, 0.95, 8)
+"""Shares of the wealth that are staked, on either policy."""
+
+
+@dataclass(frozen=True)
+class SequentialTest:
+    """`p` is valid after any scene, `better` is the sign of the difference, and about `more` scenes
+    would decide."""
+
+    scenes: int
+    decided: int | None
+    p: float
+    better: int
+    more: int | None
+
+
+def wealth(differences: Sequence[float]) -> Floats:
+    """Log wealth (N, 2) after each of N differences in [-1, 1], of bets on each sign. Raises
+    ValueError."""
+    x = np.asarray(differences, float)
+    if x.size and not np.abs(x).max() <= 1:
+        raise ValueError("differences lie in [-1, 1]")
+    sides = [np.log1p(np.outer(x, sign * BETS)).cumsum(0) for sign in (1, -1)]
+    return np.stack([logsumexp(side, axis=1) for side in sides], 1) - np.log(2 * len(BETS))
+
+
+def sequential(differences: Sequence[float], alpha: float = 0.05) -> SequentialTest:
+    """The test of differences in [-1, 1], second policy minus first, in the order of the scenes."""
+    sides = wealth(differences)
+    total = logsumexp(sides, axis=1)
+    highest = float(total.max(initial=0.0))
+    over = np.flatnonzero(total >= -np.log(alpha))
+    if over.size:
+        at = int(over[0])
+        better = 1 if sides[at, 0] > sides[at, 1] else -1
+        return SequentialTest(len(total), at + 1, float(np.exp(-highest)), better, 0)
+    pace = float(total[-1]) / len(total) if len(total) else 0.0
+    more = ceil((-np.log(alpha) - total[-1]) / pace) if pace > 0 else None
+    return SequentialTest(len(total), None, float(np.exp(-highest)), 0, more)
 
 
 def holm(p: Sequence[float]) -> list[float]:
