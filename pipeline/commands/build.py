@@ -1,6 +1,7 @@
 """build, plan, render and demo."""
 
 import json
+import sys
 import webbrowser
 from collections.abc import Mapping
 from pathlib import Path
@@ -98,16 +99,27 @@ def plan(
     out: Annotated[
         Path | None, option("An existing dataset to count finished slots and times from.")
     ] = None,
+    measure: Annotated[
+        bool,
+        option(
+            "Make four episodes in a temporary directory to measure how long they take here.",
+            "--measure",
+        ),
+    ] = False,
     as_json: common.AsJson = False,
 ) -> None:
     """Estimate what `build` would produce: episodes, hours and bytes. Writes no files."""
+    from pipeline.run import plan as planning
     from pipeline.run.names import check_events
-    from pipeline.run.plan import plan as run_plan
     from pipeline.run.state import redo_lines
 
     recipe = given.recipe()
     check_events(recipe, recipe.tasks)
-    values = run_plan(recipe, Dataset(out) if out else None, workers or usable_cores())
+    cost = None
+    if measure:
+        print("measuring: four episodes, up to a minute", file=sys.stderr)
+        cost = planning.measure(recipe)
+    values = planning.plan(recipe, Dataset(out) if out else None, workers or usable_cores(), cost)
     lines = [
         f"tasks: {len(recipe.tasks)}, robots: {len(recipe.embodiments)}, levels:"
         f" {len(recipe.levels)}, cells: {len(values['cells'])}, episodes: {values['slots']:,}",

@@ -4,6 +4,8 @@ import os
 from collections import Counter
 from collections.abc import Collection
 from dataclasses import asdict, dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -14,12 +16,17 @@ from pipeline.data.dataset import Dataset, DatasetError
 from pipeline.data.episode.meta import NamedCamera
 from pipeline.data.errors import DominoError
 from pipeline.data.recipe.growth import differences
-from pipeline.data.recipe.model import Cell, Recipe
+from pipeline.data.recipe.model import Cell, Recipe, Slot
 from pipeline.data.slots.files import Listing
+from pipeline.planning.warm import warm_up
 from pipeline.tasks import TASKS
+from pipeline.world.drawing.renderer import device_of
 
+from .slot.fill import FillJob, fill_slot
 from .state import PHYSICS, redo_rows, redone
 
+# slots that a measurement makes, besides the first, which pays for what is loaded once
+MEASURED = 3
 UNSURE = 1.7  # factor within which the estimates of time lie
 
 
@@ -57,7 +64,7 @@ class EpisodeCost:
         return f"{spent} on {crew} and {room} (estimated from {self.source})"
 
 
-def typical(recipe: Recipe) -> EpisodeCost:
+def typical(recipe: Recipe, source: str = "benchmarks") -> EpisodeCost:
     """What an episode takes by its recipe alone. Fitted: bytes within a factor of 1.6, processor
     time of 1.7.
     """
@@ -94,7 +101,7 @@ def typical(recipe: Recipe) -> EpisodeCost:
     slower *= 1.5 if recipe.depth or recipe.segmentation or recipe.pointcloud else 1.0
     drawing = frames * slower * sum(0.0015 + 0.0032 * each for each in pixels)
     # physics is made once for all variants, failed attempts included; 15 MB a second are written
-    return EpisodeCost(1.3 / recipe.variants + drawing + size / 15e6, size, "benchmarks")
+    return EpisodeCost(1.3 / recipe.variants + drawing + size / 15e6, size, source)
 
 
 def cost_of(dataset: Dataset | None, recipe: Recipe) -> EpisodeCost:
@@ -114,6 +121,30 @@ def cost_of(dataset: Dataset | None, recipe: Recipe) -> EpisodeCost:
         float(np.mean(rows.more["size"])),
         "this dataset",
         float(np.mean(cores)) if np.all(cores) else None,
+    )
+
+
+def measure(recipe: Recipe) -> EpisodeCost:
+    """Measure a few episodes in a temporary directory. Raises NoRenderer."""
+    device_of(recipe.render)
+    recipe = recipe.model_copy(update={"variants": 1})
+    cells = [cell for cell, count in recipe.counts().items() if count]
+    picked = [cells[int(i)] for i in np.linspace(0, len(cells) - 1, MEASURED).round()]
+    slots = [Slot(picked[0], 0), *(Slot(cell, 1 + i) for i, cell in enumerate(picked))]
+    warm_up(picked[0].embodiment)
+    with TemporaryDirectory(prefix="domino-plan-") as folder:
+        dataset = Dataset(Path(folder) / "dataset")
+        dataset.create(recipe)
+        jobs = [FillJob(str(dataset.root), recipe, slot) for slot in slots]
+        records = [record for record in list(map(fill_slot, jobs))[1:] if record.accepted]
+    if not records:
+        return typical(recipe, "benchmarks: no measured attempt was accepted")
+    seconds = [sum(row["seconds"] for row in record.attempts) for record in records]
+    return EpisodeCost(
+        float(np.mean(seconds)),
+        float(np.mean([record.file.size for record in records])),
+        f"{len(records)} episodes measured now",
+        float(np.mean([record.core_seconds for record in records])),
     )
 
 
@@ -137,7 +168,9 @@ def check_bounded(given: Collection[str], recipe: Recipe, dataset: Dataset, work
     )
 
 
-def plan(recipe: Recipe, dataset: Dataset | None, workers: int) -> dict[str, Any]:
+def plan(
+    recipe: Recipe, dataset: Dataset | None, workers: int, cost: EpisodeCost | None = None
+) -> dict[str, Any]:
     """The work that is left: cells, parts to make again (`redo`), estimated hours, core-hours
     and bytes. Raises DatasetError for a dataset of another recipe.
     """
@@ -152,7 +185,7 @@ def plan(recipe: Recipe, dataset: Dataset | None, workers: int) -> dict[str, Any
         there = Listing(dataset.episodes, recipe).there(rows)
         redo = redone(recipe, rows.where(there), there[there])
         done = Counter(slot.cell for slot in rows.where(there).slots)
-    cost = cost_of(dataset, recipe)
+    cost = cost or cost_of(dataset, recipe)
     cells = [
         asdict(cell) | {"episodes": count * recipe.variants, "finished": done[cell]}
         for cell, count in recipe.counts().items()

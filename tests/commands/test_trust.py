@@ -66,7 +66,7 @@ VERBS = {
     "verify one": ("verify", "--episode", "click_bell/aloha-agilex/L1/clean/episode_0000000"),
     "verify": ("verify", "--again", "1", "--executor", "inline"),
     "build": ("build", "--executor", "inline", "--out", "NEW", "--like"),
-    "plan": ("plan", "--like"),
+    "plan": ("plan", "--measure", "--like"),
 }
 
 

@@ -51,9 +51,14 @@ def test_hours_are_seconds_of_all_attempts_spread_over_workers(tmp_path):
     assert values["estimated_hours"] == pytest.approx(4 * 9 / 3600 / 2)
     assert values["estimated_bytes"] == 20000
     assert values["estimated_core_hours"] == pytest.approx(4 * 9 / 3600)
+    measured = plan(RECIPE, dataset, 2, EpisodeCost(100.0, 7.0, "here"))
+    assert (
+        measured["estimated_hours"] == pytest.approx(4 * 100 / 3600 / 2)
+        and measured["estimate_from"] == "here"
+    )
     dataset.episode(slot).unlink()  # an episode that is missing is made once, not twice
-    gone = plan(RECIPE, dataset, 2)
-    assert gone["finished"] == 0 and gone["redo"] == [] and gone["slots"] == 4
+    gone = plan(RECIPE, dataset, 2, EpisodeCost(9.0, 5000.0, "here"))
+    assert gone["finished"] == 0 and gone["redo"] == [] and gone["estimated_bytes"] == 20000
 
 
 def test_a_plan_refuses_what_a_build_refuses_and_names_what_draws_another_camera(tmp_path):
