@@ -5,7 +5,7 @@ import hashlib
 import json
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass, field
 from functools import lru_cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -238,10 +238,7 @@ def check_case(case: object, cell: Cell, setup: Setup) -> None:
     """Raise OtherCase for a case of another cell or physics, or for no Case."""
     if not isinstance(case, Case):
         raise OtherCase(f"{type(case).__name__} is no case of an environment or a manifest")
-    for name in (each.name for each in fields(Cell)):
-        has, needed = getattr(case.spec, name), getattr(cell, name)
-        if has != needed:
-            raise OtherCase(f"the case is of the {name} {has}, the environment of {needed}")
-    if case.setup != setup.calm:
-        both = f"{case.setup.label}, the environment of {setup.label}"
-        raise OtherCase(f"the case is of the setup {both}")
+    differ = [n for n, needed in asdict(cell).items() if getattr(case.spec, n) != needed]
+    differ += ["setup"] if case.setup != setup.calm else []
+    if differ:
+        raise OtherCase(f"the case is not of the environment: they differ in {', '.join(differ)}")

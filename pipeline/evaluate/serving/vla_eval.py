@@ -1,19 +1,15 @@
 """This benchmark for vla-eval 0.8, which is not installed: docs/evaluation.md."""
 
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.data.clock import at_rate
-from pipeline.data.recipe.model import Cell
 from pipeline.data.setup import Setup
 from pipeline.evaluate.environment.env import DominoEnv
-from pipeline.evaluate.scenes.benchmark import frozen_scenes
 from pipeline.evaluate.scenes.case import UNSEEN, setup_of
-from pipeline.evaluate.scenes.manifests import Manifests, inline
 from pipeline.tasks import TASKS
 from pipeline.world.robots import get_embodiment
 
@@ -30,8 +26,8 @@ def __getattr__(name: str) -> type:
 
 
 class DominoEpisodes:
-    """Tasks of one level, alpha, domain and robot, in scenes of a `benchmark` (name or file) or
-    admitted ones. Raises KeyError, ValueError."""
+    """Tasks of one level, alpha, domain and robot, in scenes of a `benchmark` (name or file).
+    Raises KeyError, ValueError."""
 
     _last_result: Any  # of StepBenchmark
 
@@ -45,18 +41,13 @@ class DominoEpisodes:
         alpha: float = 0.1,
         domain: str = "clean",
         *,
-        seed: int = 0,
-        benchmark: str = "",
-        manifests: str = "out/manifests",
+        benchmark: str = "domino-v1",
         setup: Setup | Mapping[str, Any] | str = UNSEEN,
     ) -> None:
         super().__init__()
-        robot = get_embodiment(embodiment)
-        self._names, self._setup = robot.vector_names, setup_of(setup)
-        self._cells = {
-            TASKS[task].name: Cell(task, robot.name, level, alpha, domain) for task in tasks
-        }
-        self._manifests, self._benchmark = Manifests(Path(manifests), seed, self._setup), benchmark
+        self._names, self._setup = get_embodiment(embodiment).vector_names, setup_of(setup)
+        self._tasks = [TASKS[task].name for task in tasks]
+        self._cell, self._benchmark = (embodiment, level, alpha, domain), benchmark
         self._env: DominoEnv | None = None
         self._instruction = ""
 
@@ -65,21 +56,15 @@ class DominoEpisodes:
         return {}
 
     def get_tasks(self) -> list[Message]:
-        return [{"name": task, "suite": "domino"} for task in self._cells]
+        return [{"name": task, "suite": "domino"} for task in self._tasks]
 
     def reset(self, task: Message) -> Message:
-        """Start episode `episode_idx` of a task; its first observation. Raises ProtocolError."""
+        """Start episode `episode_idx` of a task; its first observation. Raises BenchmarkError."""
         self.cleanup()
-        cell, index = self._cells[task["name"]], task["episode_idx"]
-        if self._benchmark:
-            frozen = frozen_scenes(self._benchmark, cell)
-            case = frozen[index % len(frozen)]
-        else:
-            case = self._manifests.admitted([cell], index + 1, inline)[cell][index]
         self._env = DominoEnv(
-            cell.task, cell.embodiment, cell.level, cell.alpha, cell.domain, setup=self._setup
+            task["name"], *self._cell, setup=self._setup, benchmark=self._benchmark
         )
-        observation, _ = self._env.reset(options={"case": case})
+        observation, _ = self._env.reset(seed=task["episode_idx"])
         self._instruction = self._env.task_description
         return observation
 
@@ -118,7 +103,7 @@ class DominoEpisodes:
         return {"image": IMAGE_RGB, "state": self._joints(), "language": LANGUAGE}
 
     def get_metadata(self) -> Message:
-        longest = max(TASKS[task].step_limit for task in self._cells)
+        longest = max(TASKS[task].step_limit for task in self._tasks)
         return {
             "max_steps": at_rate(longest, self._setup.fps),
             "action_names": list(self._names),

@@ -141,7 +141,7 @@ def test_environments_step_together():
 @pytest.mark.parametrize(
     ("options", "named"),
     [
-        (("click_alarmclock", {"level": 0}), "click_alarmclock"),
+        (("click_alarmclock", {"level": 0}), "differ in task"),
         (("click_bell", {"level": 1}), "level"),
         (("click_bell", {"level": 0, "alpha": 0.2}), "alpha"),
         (("click_bell", {"level": 0, "setup": {"contact": "hold"}}), "setup"),

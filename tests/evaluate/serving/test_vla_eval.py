@@ -12,8 +12,6 @@ import pytest
 from pipeline.data.recipe.model import Cell
 from pipeline.evaluate.scenes.benchmark import frozen_scenes
 from pipeline.evaluate.scenes.case import BLIND, expert_actions
-from pipeline.evaluate.scenes.manifests import Manifests
-from tests.evaluate.environment.test_env import case_of
 
 
 @dataclass
@@ -66,21 +64,15 @@ def benchmark(monkeypatch):
     sys.modules.pop(name, None)
 
 
-def test_recorded_actions_succeed_there_too(benchmark, tmp_path, monkeypatch):
-    case = case_of("click_bell")
-    monkeypatch.setattr(
-        Manifests,
-        "admitted",
-        lambda self, cells, episodes, run: {cell: [case] * episodes for cell in cells},
-    )
-    b = benchmark(["click_bell"], setup=BLIND, manifests=str(tmp_path))
+def test_recorded_actions_succeed_there_too(benchmark):
+    b = benchmark(["click_bell"], setup=BLIND)
     # as its orchestrator does: a task for each name, the episodes counted by the harness
     tasks = [{**task, "episode_idx": i} for task in b.get_tasks() for i in range(2)]
     assert [(t["name"], t["episode_idx"]) for t in tasks] == [("click_bell", i) for i in (0, 1)]
     assert not any("seed" in t for t in tasks)
     b._last_result = StepResult(b.reset(tasks[1]), 0.0, False, {})
     assert (b.get_hold_action(None)["actions"] == b._last_result.obs["agent_pos"]).all()
-    actions, steps = expert_actions(case), 0
+    actions, steps = expert_actions(b._env.case), 0
     while not b._last_result.done:
         assert steps < b.get_metadata()["max_steps"]
         b._last_result = b.step({"actions": actions[min(steps, len(actions) - 1)][None]})
