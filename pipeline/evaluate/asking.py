@@ -14,11 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.data.actions import JOINTS
-from pipeline.data.errors import DominoError
 from pipeline.poses import Floats
 
 from .actions import ActionError, Answers
-from .lines import line_of
 from .names import is_built_in, make_policy
 from .policies import contract as contracts
 from .policies.policy import (
@@ -32,6 +30,7 @@ from .policies.policy import (
     attribute,
     chunk_of,
     count_inferences,
+    foreign,
 )
 from .scenes.case import Case
 from .scenes.trial import Trial
@@ -39,6 +38,8 @@ from .serving.client import ANSWER_SECONDS
 from .serving.messages import pack
 
 PROMPT = "hold still"  # the instruction of the question by which policies are told apart
+
+FAULTS = (ActionError, NoAnswer)
 
 ANSWERS = 10  # all answers of an episode may take this many times as long as one
 
@@ -123,20 +124,16 @@ class AskedPolicy:
         if (representation := contracts.actions_of(policy)) != JOINTS:
             self._answers = Answers(representation, trial.simulation.embodiment)
         with self._in_time():
-            try:
+            with foreign("", NoAnswer, (PolicyError,)):
                 contracts.begin(policy, start)
-            except (PolicyError, KeyboardInterrupt):
-                raise
-            except BaseException as error:
-                raise NoAnswer(line_of(error)) from error
             if isinstance(policy, SeesTruth):
-                with _translated():
+                with foreign("", NoAnswer, FAULTS):
                     policy.see(trial, case)
 
     def answer(self, observation: Observation, length: int) -> Floats:
         """A chunk (H,A) of joint targets. Raises ActionError or NoAnswer."""
         answers, trial = self._answers, self._trial
-        with self._in_time(), _translated():
+        with self._in_time(), foreign("", NoAnswer, FAULTS):
             before = count_inferences(self.policy)
             answer = self.policy.act(observation)
             chunk = chunk_of(answer, length if answers is None else answers.length)
@@ -160,15 +157,3 @@ class AskedPolicy:
 def _limit(name: PolicyName, policy: Any, seconds: float) -> None:
     if name.process != "evaluator":
         policy.seconds = seconds
-
-
-@contextmanager
-def _translated() -> Iterator[None]:
-    try:
-        yield
-    except (ActionError, NoAnswer, KeyboardInterrupt):
-        raise
-    except DominoError as error:
-        raise NoAnswer(str(error)) from error
-    except BaseException as error:
-        raise NoAnswer(line_of(error)) from error

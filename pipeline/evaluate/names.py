@@ -14,11 +14,10 @@ from pipeline.data.errors import DominoError
 from pipeline.data.parsing import real
 from pipeline.registry import Registry
 
-from .lines import line_of
 from .policies import reference
 from .policies.files import digest_of, expected_actions, module_of, name_actions
 from .policies.lerobot import LerobotForm
-from .policies.policy import NoAnswer, Policy, PolicyError, PolicyName
+from .policies.policy import NoAnswer, Policy, PolicyError, PolicyName, foreign
 from .policies.reactive import Reactive
 from .policies.robotwin import RobotwinForm
 from .policies.xpolicylab import XPolicyLabForm
@@ -76,11 +75,8 @@ STATED = ("lerobot", "starvla", "gr00t", *SCHEMES)
 @cache
 def load_entry_points() -> None:
     for point in entry_points(group=GROUP):
-        try:
+        with foreign(f"entry point {point.name}: {point.module} cannot be imported"):
             import_module(point.module)
-        except Exception as error:
-            what = f"entry point {point.name}: {point.module} cannot be imported"
-            raise PolicyError(f"{what}: {line_of(error)}") from error
 
 
 def policy_name(text: str, prints: Path | None = None, like: Path | None = None) -> PolicyName:
@@ -144,12 +140,8 @@ def make_policy(name: PolicyName) -> Policy:
 
 def make_here(name: PolicyName) -> Policy:
     """As `make_policy`, in this process."""
-    try:
+    with foreign(f"--policy {name.text}: cannot be made", known=(DominoError,)):
         return _make(name)
-    except (DominoError, KeyboardInterrupt):
-        raise
-    except BaseException as error:
-        raise PolicyError(f"--policy {name.text}: cannot be made: {line_of(error)}") from error
 
 
 def _make(name: PolicyName) -> Policy:

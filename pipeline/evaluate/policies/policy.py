@@ -143,14 +143,19 @@ def attribute(policy: object, name: str) -> Any:
 
 
 @contextmanager
-def foreign(what: str) -> Iterator[None]:
-    """Turns any error into a PolicyError that begins with `what`."""
+def foreign(
+    what: str = "",
+    kind: type[PolicyError] = PolicyError,
+    known: tuple[type[BaseException], ...] = (),
+) -> Iterator[None]:
+    """Turns any error but `known` ones into one line of a kind, which begins with `what`."""
     try:
         yield
-    except KeyboardInterrupt:
+    except (KeyboardInterrupt, *known):
         raise
     except BaseException as error:
-        raise PolicyError(f"{what}: {line_of(error)}") from error
+        line = str(error) if isinstance(error, DominoError) else line_of(error)
+        raise kind(f"{what}: {line}" if what else line) from error
 
 
 def count_inferences(policy: object) -> int | None:
