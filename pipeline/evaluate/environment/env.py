@@ -17,7 +17,7 @@ from pipeline.evaluate.actions import ToolPoses, check_action, joint_limits, pos
 from pipeline.evaluate.policies.policy import observe
 from pipeline.evaluate.scenes.benchmark import frozen_scenes
 from pipeline.evaluate.scenes.case import UNSEEN, Case, blind, setup_of
-from pipeline.evaluate.scenes.manifests import case_of_seed, check_case, training_scenes
+from pipeline.evaluate.scenes.manifests import TRAINING, case_of_seed, check_case, first_seed
 from pipeline.evaluate.scenes.trial import (
     SUCCESS,
     TIME_LIMIT,
@@ -53,9 +53,9 @@ class DominoEnv(gymnasium.Env[Any, NDArray[np.float32]]):
     Reward "score": the manipulation score (0-100) at the end. "dense": 1 at a success plus the
     change of a potential (Meter); the step limit is then `terminated`, as `time_left` shows it.
 
-    `scenes=N` draws from N scenes that the expert solves, kept in `manifests` if given; with 0 a
-    reset without a seed runs the expert on a new scene. With a `benchmark` seed n takes its frozen
-    scene n, and a reset without a seed the next one. Raises ValueError, RecipeError."""
+    `scenes=N` draws from N scenes that the expert solves, once a process; with 0 a reset without a
+    seed runs the expert on a new scene. With a `benchmark` seed n takes its frozen scene n, and a
+    reset without a seed the next one. Raises ValueError, RecipeError."""
 
     metadata = {  # noqa: RUF012
         "render_modes": ["rgb_array"],
@@ -76,7 +76,6 @@ class DominoEnv(gymnasium.Env[Any, NDArray[np.float32]]):
         reward: str = "score",
         discount: float = 0.99,
         scenes: int = 0,
-        manifests: str | Path | None = None,
         benchmark: str = "",
         instructions: str = "unseen",
         render_mode: str | None = None,
@@ -89,8 +88,8 @@ class DominoEnv(gymnasium.Env[Any, NDArray[np.float32]]):
         for name, (value, known) in kinds.items():
             if value not in known:
                 raise ValueError(f"{name} {value!r} is unknown: choose {', '.join(known)}")
-        if not isinstance(scenes, int) or scenes < (manifests is not None):
-            raise ValueError(f"scenes {scenes!r}: give a number, at least 1 with manifests")
+        if not isinstance(scenes, int) or scenes < 0:
+            raise ValueError(f"scenes {scenes!r}: give a whole number")
         if benchmark and scenes:
             raise ValueError("scenes and benchmark: give one of the two")
         setup = setup_of(setup)
@@ -122,7 +121,7 @@ class DominoEnv(gymnasium.Env[Any, NDArray[np.float32]]):
             raise ValueError(f"discount {discount!r}: give a number above 0 and at most 1")
         self._discount = discount if reward == "dense" else None
         self._measures = reward == "dense" or observations == "state"
-        self._scenes, self._manifests = scenes, None if manifests is None else Path(manifests)
+        self._scenes = scenes
         self._frozen = frozen_scenes(benchmark, self._cell) if benchmark else ()
         self._next = 0
         self._trial: Trial | None = None
@@ -209,7 +208,6 @@ class DominoEnv(gymnasium.Env[Any, NDArray[np.float32]]):
             self._next = number + 1
             return self._frozen[number % len(self._frozen)]
         if self._scenes:
-            known = training_scenes(self._cell, self._scenes, self.setup.calm, self._manifests)
-            return known[int(self.np_random.integers(len(known)))]
+            seed = first_seed(TRAINING) + int(self.np_random.integers(self._scenes))
         drawn = int(self.np_random.integers(1 << 31)) if seed is None else seed
         return case_of_seed(self._cell, drawn, self.setup)

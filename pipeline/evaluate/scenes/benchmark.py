@@ -55,16 +55,14 @@ class Benchmark:
         self, recipe: Recipe, keys: Collection[str], named: Sequence[str] = ()
     ) -> list[Cell]:
         """Cells whose `keys` are a recipe's. Raises BenchmarkError for none, or a missing task."""
-        tasks, name = self.head.parts.get(self.part), self.head.benchmark
-        held = {cell.task for cell in self.head.cells} if tasks is None else {*tasks}
+        held, name = {cell.task for cell in self.head.cells}, self.head.benchmark
         if missing := [task for task in named if task in TASKS and task not in held]:
             whole = f"part {self.part} of {name}" if self.part else f"benchmark {name}"
             raise BenchmarkError(f"{missing[0]} is not in {whole}: {', '.join(sorted(held))}")
         found = [
             cell
             for cell in map(FrozenCell.cell, self.head.cells)
-            if (tasks is None or cell.task in tasks)
-            and all(
+            if all(
                 getattr(cell, key.removesuffix("s")) in getattr(recipe, key)
                 for key in ("tasks", "embodiments", "levels", "alpha", "domains")
                 if key in keys and (key != "alpha" or cell.level)
@@ -86,11 +84,21 @@ class Benchmark:
         return setup.override(kept)
 
     def record(self, scenes: int) -> RecordedBenchmark:
-        name, tasks = self.head.benchmark, self.head.parts.get(self.part)
-        whole = self.head.scenes * sum(not tasks or c.task in tasks for c in self.head.cells)
+        head, whole = self.head, self.head.scenes * len(self.head.cells)
         return RecordedBenchmark(
-            name=name, sha256=self.sha256, part=self.part, scenes=scenes, of=whole
+            name=head.benchmark, sha256=self.sha256, part=self.part, scenes=scenes, of=whole
         )
+
+    def only(self, part: str) -> "Benchmark":
+        """The cells of a part. Raises BenchmarkError for another name."""
+        head, scenes = self.head, self.head.scenes
+        if part not in head.parts:
+            there = f"no part {part!r}, but {', '.join(head.parts) or 'none'}"
+            raise BenchmarkError(f"benchmark {head.benchmark} has {there}")
+        kept = [n for n, cell in enumerate(head.cells) if cell.task in head.parts[part]]
+        lines = [line for n in kept for line in self.lines[n * scenes : (n + 1) * scenes]]
+        cells = tuple(head.cells[n] for n in kept)
+        return Benchmark(head.model_copy(update={"cells": cells}), self.sha256, lines, part)
 
     def count_scenes(self, wanted: int | None) -> int:
         """Scenes of each cell, all by default. Raises BenchmarkError for more than there are."""
@@ -210,11 +218,7 @@ def read_benchmark(given: str) -> Benchmark:
             known = ", ".join(shipped_benchmarks()) or "none"
             raise BenchmarkError(f"no benchmark {name!r}: there are {known}, or name a file")
     found = unpack_benchmark(read_regular(path, LARGEST), str(path))
-    if part and part not in found.head.parts:
-        parts = ", ".join(found.head.parts)
-        there = f"no part {part!r}: choose {parts}" if parts else f"no parts: leave out :{part}"
-        raise BenchmarkError(f"benchmark {found.head.benchmark} has {there}")
-    return Benchmark(found.head, found.sha256, found.lines, part)
+    return found.only(part) if part else found
 
 
 @lru_cache(maxsize=16)

@@ -4,11 +4,9 @@ JSON file a cell. The size of batches does not depend on the workers."""
 import hashlib
 import json
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack
 from dataclasses import asdict, dataclass, field
 from functools import lru_cache
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 from pipeline.data.atomic import write_atomic
@@ -223,15 +221,6 @@ def case_of_seed(cell: Cell, seed: int, setup: Setup) -> Case:
             return case
     what = f"{TRIES} scenes of {cell.task} drawn from seed {seed}"
     raise NoCase(f"the expert solves none of {what}; the last: {case}")
-
-
-@lru_cache(maxsize=16)
-def training_scenes(
-    cell: Cell, count: int, setup: Setup, manifests: Path | None
-) -> tuple[Case, ...]:
-    with ExitStack() as stack:
-        root = manifests or Path(stack.enter_context(TemporaryDirectory()))
-        return tuple(Manifests(root, TRAINING, setup).admitted([cell], count, inline)[cell])
 
 
 def check_case(case: object, cell: Cell, setup: Setup) -> None:

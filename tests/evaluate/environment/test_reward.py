@@ -5,7 +5,7 @@ import gymnasium
 import numpy as np
 import pytest
 
-import pipeline.evaluate.scenes.manifests as protocol
+import pipeline.evaluate.scenes.case as attempts
 from pipeline.evaluate import DominoEnv, env_id
 from pipeline.evaluate.environment.observation import Shaped
 from pipeline.evaluate.scenes.case import expert_actions
@@ -111,14 +111,14 @@ def test_what_is_lifted_and_brought_counts():
     np.testing.assert_allclose(velocity, moved, atol=1e-4)
 
 
-def test_the_expert_runs_once_for_the_scenes_of_an_environment(monkeypatch, tmp_path):
-    env = make("click_bell", level=0, scenes=2, manifests=tmp_path)
+def test_the_expert_runs_once_for_the_scenes_of_an_environment(monkeypatch):
+    env = make("click_bell", level=0, scenes=2)
     first, _ = env.reset(seed=5)
-    monkeypatch.setattr(protocol, "try_seed", None)
-    again, _ = make("click_bell", level=0, scenes=2, manifests=tmp_path).reset(seed=5)
-    assert (first == again).all()
     found = {env.reset()[0].tobytes() for _ in range(12)}
     assert len(found) == 2
+    monkeypatch.setattr(attempts, "attempt", None)
+    again, _ = make("click_bell", level=0, scenes=2).reset(seed=5)
+    assert (first == again).all()
 
 
 def test_environments_step_together():
@@ -163,9 +163,8 @@ def test_a_case_of_another_cell_is_refused(bell, options, named):
         {"discount": 0.0},
         {"scenes": -1},
         {"scenes": "a"},
-        {"manifests": "x"},
     ],
 )
 def test_an_option_of_learning_that_does_not_exist_is_refused(bad):
-    with pytest.raises(ValueError, match=next(iter(bad)) if "manifests" not in bad else "scenes"):
+    with pytest.raises(ValueError, match=next(iter(bad))):
         gymnasium.make(env_id("click_bell"), **({"reward": "dense"} | bad))

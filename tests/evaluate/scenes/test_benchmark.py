@@ -133,9 +133,7 @@ def test_a_part_is_chosen_by_name_and_by_options(frozen):
     recipe = Recipe(tasks=("click_bell",), levels=(1, 3), domains=("clean",), alpha=(0.3,))
     assert frozen.choose(recipe, ["cameras"]) == CELLS
     assert frozen.choose(recipe, ["tasks", "levels", "domains"]) == [CELLS[1], CELLS[3]]
-    assert [cell.task for cell in replace(frozen, part="bells").choose(recipe, [])] == (
-        ["click_bell"] * 6
-    )
+    assert [cell.task for cell in frozen.only("bells").choose(recipe, [])] == (["click_bell"] * 6)
     still = recipe.model_copy(update={"levels": (0, 1)})
     assert frozen.choose(still, ["alpha", "levels"]) == [CELLS[0], CELLS[4]]
     with pytest.raises(BenchmarkError, match="no scene"):
@@ -240,5 +238,5 @@ def test_damaged_files_are_refused(packed, tmp_path):
         read_benchmark(str(tmp_path / "none"))
     path = tmp_path / "own"
     path.write_bytes(packed)
-    with pytest.raises(BenchmarkError, match=r"has no part .none.: choose bells$"):
+    with pytest.raises(BenchmarkError, match=r"has no part .none., but bells$"):
         read_benchmark(f"{path}:none")
