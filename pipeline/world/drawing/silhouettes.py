@@ -3,7 +3,6 @@ occluders, covered like a renderer's."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numba import njit
@@ -14,6 +13,13 @@ from pipeline.poses import IDENTITY, Floats, compose, inverse, matrix, pose, qua
 from pipeline.world.shapes import Parts
 
 from .engine import NEAR
+from .software.raster import solids_of
+
+type Triangles = tuple[Floats, NDArray[np.int64], NDArray[np.int64]]
+"""Vertices, owner and triangles of `Occluders`."""
+
+type Lens = tuple[float, float, float, float]
+"""Focal length and middle of the image (pixels), and the near plane (m)."""
 
 SAMPLES = 2048
 """Most pixels of a silhouette's box that are looked at, on an even grid; exact below it."""
@@ -38,22 +44,29 @@ class Occluders:
 
 def occluders_of(bodies: Mapping[str, Parts], fixed: Parts) -> Occluders:
     """All occluders; `fixed` is in the world frame."""
-    vertices: list[NDArray[Any]] = [np.zeros((0, 3))]
-    owner: list[NDArray[Any]] = [np.zeros(0, np.int64)]
-    triangles: list[NDArray[Any]] = [np.zeros((0, 3), np.int64)]
-    spans, corners = list[tuple[int, int]](), list[tuple[int, int]]()
-    count = faces = 0
-    for index, parts in enumerate((*bodies.values(), fixed)):
-        first = (faces, count)
-        for mesh, _ in parts:
-            vertices.append(mesh.vertices.astype(float))
-            triangles.append(mesh.triangles.astype(np.int64) + count)
-            owner.append(np.full(len(mesh.vertices), index))
-            count, faces = count + len(mesh.vertices), faces + len(mesh.triangles)
-        spans.append((first[0], faces))
-        corners.append((first[1], count))
-    stacked = np.concatenate(vertices), np.concatenate(owner), np.concatenate(triangles)
-    return Occluders((*bodies, FIXED), *stacked, np.array(spans), np.array(corners))
+    every = (*bodies.values(), fixed)
+    solids = solids_of([mesh for parts in every for mesh, _ in parts])
+    ends = np.cumsum([0, *map(len, every)])
+    points, faces = (np.append(0, solids.spans[:, k])[ends] for k in (1, 3))
+    return Occluders(
+        (*bodies, FIXED),
+        solids.points.astype(float),
+        np.repeat(np.arange(len(every)), np.diff(points)),
+        solids.corners.astype(np.int64),
+        np.stack([faces[:-1], faces[1:]], 1),
+        np.stack([points[:-1], points[1:]], 1),
+    )
+
+
+def in_camera(
+    solids: Occluders, poses: Mapping[str, Floats], camera_poses: Floats
+) -> tuple[Floats, Floats]:
+    """World poses (T,B,7) of all bodies, and what takes each into the camera's frame (T,B,3,4)."""
+    view = np.broadcast_to(np.eye(4), (len(camera_poses), 4, 4)).copy()
+    view[:, :3] = extrinsics_cv(camera_poses)
+    still = np.repeat(IDENTITY[None], len(camera_poses), 0)
+    placed = np.stack([poses.get(name, still) for name in solids.names], axis=1)
+    return placed, np.ascontiguousarray((view[:, None] @ matrix(placed))[:, :, :3])
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,18 +90,12 @@ def track_bodies(
     camera_poses: Floats,
 ) -> BodyTracks:
     """Tracks of the bodies `names`; world poses (T,7)."""
-    frames = len(camera_poses)
-    view = np.broadcast_to(np.eye(4), (frames, 4, 4)).copy()
-    view[:, :3] = extrinsics_cv(camera_poses)
-    still = np.repeat(IDENTITY[None], frames, 0)
-    placed = np.stack([poses.get(name, still) for name in solids.names], axis=1)
-    matrices = (view[:, None] @ matrix(placed))[:, :, :3]
+    placed, matrices = in_camera(solids, poses, camera_poses)
     index = np.array([solids.names.index(name) for name in names], np.int64)
     k = intrinsics(kind)
-    lens = np.array([k[0, 0], k[0, 2], k[1, 2], kind.width, kind.height, NEAR, SAMPLES])
-    boxes, counts = _track(
-        solids.vertices, solids.owner, solids.triangles, solids.spans, matrices, index, lens
-    )
+    lens, size = (k[0, 0], k[0, 2], k[1, 2], NEAR), (kind.width, kind.height)
+    triangles = solids.vertices, solids.owner, solids.triangles
+    boxes, counts = _track(triangles, solids.spans, matrices, index, lens, size)
     whole, seen = counts[..., 0], counts[..., 1]
     inside = [solids.vertices[first:end] for first, end in solids.corners[index]]
     middles = np.array([(v.min(0) + v.max(0)) / 2 if len(v) else np.zeros(3) for v in inside])
@@ -107,38 +114,34 @@ def track_bodies(
 
 @njit(cache=True, error_model="numpy")
 def _track(
-    vertices: Floats,
-    owner: NDArray[np.int64],
-    triangles: NDArray[np.int64],
+    solids: Triangles,
     spans: NDArray[np.int64],
     matrices: Floats,
     index: NDArray[np.int64],
-    lens: Floats,
+    lens: Lens,
+    size: tuple[int, int],
 ) -> tuple[Floats, NDArray[np.int64]]:
-    """Boxes (T,N,4) and sampled pixels (T,N,2) of whole and visible silhouettes. `lens` is f, cx,
-    cy, width, height, near, samples."""
-    frames, count = len(matrices), len(index)
-    f, cx, cy, width, height, near, samples = lens
+    """Boxes (T,N,4) and sampled pixels (T,N,2) of whole and visible silhouettes, in images of a
+    width and height."""
+    vertices, owner, triangles = solids
+    frames, count, near = len(matrices), len(index), lens[3]
+    width, height = size
     boxes, pixels = np.zeros((frames, count, 4)), np.zeros((frames, count, 2), np.int64)
     seen, flat = np.empty((len(vertices), 3)), np.empty((len(vertices), 2))
     # of every body: left, top, right, bottom, nearest and farthest
     reach = np.empty((len(spans), 6))
     for t in range(frames):
+        project(solids, matrices[t], lens, seen, flat)
         reach[:, 0], reach[:, 1], reach[:, 4] = np.inf, np.inf, np.inf
         reach[:, 2], reach[:, 3], reach[:, 5] = -np.inf, -np.inf, -np.inf
         for v in range(len(vertices)):
-            m, p, r = matrices[t, owner[v]], vertices[v], reach[owner[v]]
-            for i in range(3):
-                seen[v, i] = m[i, 0] * p[0] + m[i, 1] * p[1] + m[i, 2] * p[2] + m[i, 3]
-            z = seen[v, 2]
+            (x, y), z, r = flat[v], seen[v, 2], reach[owner[v]]
             r[4], r[5] = min(r[4], z), max(r[5], z)
             if z >= near:
-                x, y = f * seen[v, 0] / z + cx, f * seen[v, 1] / z + cy
-                flat[v, 0], flat[v, 1] = x, y
                 r[0], r[1], r[2], r[3] = min(r[0], x), min(r[1], y), max(r[2], x), max(r[3], y)
         for n in range(count):
             first, end = spans[index[n]]
-            box = _box(seen, flat, triangles[first:end], f, cx, cy, near)
+            box = _box(seen, flat, triangles[first:end], lens)
             if box[0] > box[2]:
                 continue
             for i in range(4):  # an assignment of all takes 2 s more to compile
@@ -149,11 +152,11 @@ def _track(
             h = int(np.ceil(min(box[3], 2 * height))) - y0
             if w <= 0 or h <= 0:
                 continue
-            grid = max(1, int(np.ceil(np.sqrt(w * h / samples))))
+            grid = max(1, int(np.ceil(np.sqrt(w * h / SAMPLES))))
             shape = (-(-h // grid), -(-w // grid))
             own, other, place = np.full(shape, np.inf), np.full(shape, np.inf), (x0, y0, grid)
             drawn = np.empty(shape, np.int64)
-            draw(seen, flat, triangles[first:end], (f, cx, cy, near), place, own, drawn)
+            draw(seen, flat, triangles[first:end], lens, place, own, drawn)
             for b in range(len(spans)):
                 r = reach[b]
                 apart = r[0] > box[2] or r[2] < box[0] or r[1] > box[3] or r[3] < box[1]
@@ -162,7 +165,7 @@ def _track(
                 if b == index[n] or hidden:
                     continue
                 first, end = spans[b]
-                draw(seen, flat, triangles[first:end], (f, cx, cy, near), place, other, drawn)
+                draw(seen, flat, triangles[first:end], lens, place, other, drawn)
             for row in range(shape[0]):
                 for column in range(shape[1]):
                     if own[row, column] < np.inf:
@@ -174,28 +177,51 @@ def _track(
 
 
 @njit(cache=True, error_model="numpy")
+def project(solids: Triangles, matrices: Floats, lens: Lens, seen: Floats, flat: Floats) -> None:
+    """Vertices in the camera's frame into `seen` (V,3); pixels of those beyond the near plane into
+    `flat` (V,2)."""
+    vertices, owner, _ = solids
+    f, cx, cy, near = lens
+    for v in range(len(vertices)):
+        m, p = matrices[owner[v]], vertices[v]
+        for i in range(3):
+            seen[v, i] = m[i, 0] * p[0] + m[i, 1] * p[1] + m[i, 2] * p[2] + m[i, 3]
+        z = seen[v, 2]
+        if z >= near:
+            flat[v, 0], flat[v, 1] = f * seen[v, 0] / z + cx, f * seen[v, 1] / z + cy
+
+
+@njit(cache=True, error_model="numpy")
+def _cut(seen: Floats, flat: Floats, triangle: NDArray[np.int64], lens: Lens, out: Floats) -> int:
+    """How many corners a triangle has beyond the near plane; their pixels and depths into `out`
+    (4,3)."""
+    f, cx, cy, near = lens
+    size = 0
+    for i in range(3):
+        a, b = triangle[i], triangle[(i + 1) % 3]
+        if seen[a, 2] >= near:
+            out[size, 0], out[size, 1], out[size, 2] = flat[a, 0], flat[a, 1], seen[a, 2]
+            size += 1
+        if (seen[a, 2] >= near) != (seen[b, 2] >= near):
+            share = (near - seen[a, 2]) / (seen[b, 2] - seen[a, 2])
+            out[size, 0] = f * (seen[a, 0] + share * (seen[b, 0] - seen[a, 0])) / near + cx
+            out[size, 1] = f * (seen[a, 1] + share * (seen[b, 1] - seen[a, 1])) / near + cy
+            out[size, 2] = near
+            size += 1
+    return size
+
+
+@njit(cache=True, error_model="numpy")
 def _box(
-    seen: Floats,
-    flat: Floats,
-    triangles: NDArray[np.int64],
-    f: float,
-    cx: float,
-    cy: float,
-    near: float,
+    seen: Floats, flat: Floats, triangles: NDArray[np.int64], lens: Lens
 ) -> tuple[float, float, float, float]:
     """Left, top, right, bottom of triangles beyond the near plane; left > right: none."""
     left, top, right, bottom = np.inf, np.inf, -np.inf, -np.inf
+    corners = np.empty((4, 3))
     for k in range(len(triangles)):
-        for i in range(3):
-            a, b = triangles[k, i], triangles[k, (i + 1) % 3]
-            if seen[a, 2] >= near:
-                left, right = min(left, flat[a, 0]), max(right, flat[a, 0])
-                top, bottom = min(top, flat[a, 1]), max(bottom, flat[a, 1])
-            if (seen[a, 2] >= near) != (seen[b, 2] >= near):
-                share = (near - seen[a, 2]) / (seen[b, 2] - seen[a, 2])
-                u = f * (seen[a, 0] + share * (seen[b, 0] - seen[a, 0])) / near + cx
-                v = f * (seen[a, 1] + share * (seen[b, 1] - seen[a, 1])) / near + cy
-                left, right, top, bottom = min(left, u), max(right, u), min(top, v), max(bottom, v)
+        for i in range(_cut(seen, flat, triangles[k], lens, corners)):
+            x, y = corners[i, 0], corners[i, 1]
+            left, right, top, bottom = min(left, x), max(right, x), min(top, y), max(bottom, y)
     return left, top, right, bottom
 
 
@@ -204,39 +230,24 @@ def draw(
     seen: Floats,
     flat: Floats,
     triangles: NDArray[np.int64],
-    lens: tuple[float, float, float, float],
+    lens: Lens,
     place: tuple[int, int, int],
     depths: Floats,
     drawn: NDArray[np.int64],
 ) -> None:
     """Draw triangles into depths (h,w), the nearest's row into `drawn` (h,w). An entry is the
     middle of `grid` by `grid` pixels; `place` is x0, y0, grid."""
-    f, cx, cy, near = lens
     x0, y0, grid = place
     # the centre of the pixel in the middle of a grid cell lies on whole numbers
     shift = grid // 2 + 0.5
-    corner, cut = np.empty((3, 3)), np.empty((4, 3))
+    corners = np.empty((4, 3))
     for k in range(len(triangles)):
-        for i in range(3):
-            v = triangles[k, i]
-            if seen[v, 2] >= near:
-                corner[i, 0] = (flat[v, 0] - x0 - shift) / grid
-                corner[i, 1], corner[i, 2] = (flat[v, 1] - y0 - shift) / grid, seen[v, 2]
-        size = 0
-        for i in range(3):
-            a, b = triangles[k, i], triangles[k, (i + 1) % 3]
-            if seen[a, 2] >= near:
-                cut[size, 0], cut[size, 1], cut[size, 2] = corner[i, 0], corner[i, 1], corner[i, 2]
-                size += 1
-            if (seen[a, 2] >= near) != (seen[b, 2] >= near):
-                share = (near - seen[a, 2]) / (seen[b, 2] - seen[a, 2])
-                u = f * (seen[a, 0] + share * (seen[b, 0] - seen[a, 0])) / near + cx
-                v = f * (seen[a, 1] + share * (seen[b, 1] - seen[a, 1])) / near + cy
-                cut[size, 0], cut[size, 1] = (u - x0 - shift) / grid, (v - y0 - shift) / grid
-                cut[size, 2] = near
-                size += 1
+        size = _cut(seen, flat, triangles[k], lens, corners)
+        for i in range(size):
+            corners[i, 0] = (corners[i, 0] - x0 - shift) / grid
+            corners[i, 1] = (corners[i, 1] - y0 - shift) / grid
         for i in range(1, size - 1):
-            _fill(cut, (0, i, i + 1), k, depths, drawn)
+            _fill(corners, (0, i, i + 1), k, depths, drawn)
 
 
 @njit(cache=True, error_model="numpy")
