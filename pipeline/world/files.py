@@ -123,18 +123,26 @@ def write_glb(parts: Parts) -> bytes:
     return head + text + struct.pack("<2I", len(blob), _BINARY) + bytes(blob)
 
 
+def split_glb(data: bytes) -> tuple[Any, bytes]:
+    """JSON and binary chunk (empty if it has none) of a binary glTF file. Raises ValueError and
+    struct.error."""
+    magic, version, _, length, kind = struct.unpack_from("<5I", data)
+    if (magic, version, kind) != (_MAGIC, 2, _JSON):
+        raise ValueError("no header of a binary glTF 2.0 file")
+    rest, blob = data[20 + length :], b""
+    if len(rest) >= 8 and struct.unpack_from("<2I", rest)[1] == _BINARY:
+        blob = rest[8 : 8 + struct.unpack_from("<I", rest)[0]]
+    return json.loads(data[20 : 20 + length]), blob
+
+
 def read_glb(path: Path) -> Parts:
     """Parts of `write_glb`. Raises GlbError."""
     try:
-        data = read_regular(path)
-        magic, version, _, length, kind = struct.unpack_from("<5I", data)
-        if (magic, version, kind) != (_MAGIC, 2, _JSON):
-            raise ValueError("no header of a binary glTF file")
-        document = json.loads(data[20 : 20 + length])
+        document, blob = split_glb(read_regular(path))
         if document["asset"].get("generator") != GENERATOR:
             raise ValueError("written by another program")
         primitives = document["meshes"][0]["primitives"]
-        return tuple(_part(document, data[28 + length :], each) for each in primitives)
+        return tuple(_part(document, blob, each) for each in primitives)
     except Exception as error:  # whatever a damaged file leads to
         why = " ".join(str(error).split())
         raise GlbError(f"{path}: not readable as a GLB of this project ({why})") from error

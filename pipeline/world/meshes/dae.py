@@ -11,7 +11,7 @@ from lxml import etree
 
 from pipeline.poses import Floats, matrix, pose, quat_about
 
-from .files import find_file, parse_xml, pixels, read_bytes
+from .files import find_or_note, parse_xml, pixels, read_bytes
 from .part import Ints, MeshError, MeshFile, MeshLook, Part
 
 DEEPEST = 100  # instances of nodes inside each other
@@ -151,19 +151,10 @@ class _Reader:
         start = None if image is None else next(image.iter("init_from"), None)
         written = "" if start is None else "".join(start.itertext()).strip()
         if written not in self._images:
-            self._images[written] = self._load(written)
+            name, folder = unquote(written).removeprefix("file://"), self.file.parent
+            path = find_or_note(name, "texture", folder, self.within, self.notes)
+            self._images[written] = path and pixels(read_bytes(path))
         return self._images[written]
-
-    def _load(self, written: str) -> np.ndarray | None:
-        name = unquote(written).removeprefix("file://")
-        try:
-            path = find_file(name, self.file.parent, self.within)
-        except MeshError as error:
-            if "outside of" in str(error):
-                raise
-            self.notes.append(f"has no texture: {error}; it is drawn grey")
-            return None
-        return pixels(read_bytes(path))
 
 
 def _numbers(element: Element, kind: type = float) -> np.ndarray:

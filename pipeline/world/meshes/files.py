@@ -52,6 +52,18 @@ def find_file(name: str, beside: Path, within: Path) -> Path:
     raise MeshError(f"{name!r} {missing}")
 
 
+def find_or_note(name: str, what: str, beside: Path, within: Path, notes: list[str]) -> Path | None:
+    """The file that a mesh file names as its `what`; None and a note if it is missing. Raises
+    MeshError for one outside of `within`."""
+    try:
+        return find_file(name, beside, within)
+    except MeshError as error:
+        if "outside of" in str(error):
+            raise
+        notes.append(f"has no {what}: {error}; it is drawn without")
+        return None
+
+
 def check_name(name: str) -> None:
     """Raise MeshError for an empty or too long name, a URL or an absolute path."""
     if not name.strip() or len(name) > MAX_NAME or not name.isprintable():

@@ -3,7 +3,6 @@
 import base64
 import json
 import re
-import struct
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -12,11 +11,11 @@ from urllib.parse import unquote_to_bytes
 import numpy as np
 
 from pipeline.poses import Floats, matrix, pose
+from pipeline.world.files import split_glb
 
 from .files import MAX_TRIANGLES, find_file, pixels, read_bytes
 from .part import MeshError, MeshFile, MeshLook, Part, painted, srgb, tinted
 
-MAGIC, JSON, BINARY = 0x46546C67, 0x4E4F534A, 0x004E4942
 TYPES = dict(zip((5120, 5121, 5122, 5123, 5125, 5126), map(np.dtype, "bBhHIf"), strict=True))
 WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
 PACKED = re.compile("(KHR|EXT)_(draco_mesh|meshopt)_compression")
@@ -28,15 +27,9 @@ MAX_NODES = 50_000
 
 def read_gltf(file: Path, within: Path) -> MeshFile:
     """Read .glb or .gltf; files that it names lie below `within`. Raises MeshError."""
-    document, blob = read_bytes(file), b""
-    if file.suffix.lower() == ".glb":
-        magic, version, _, length, kind = struct.unpack_from("<5I", document)
-        if (magic, version, kind) != (MAGIC, 2, JSON):
-            raise MeshError("has no header of a binary glTF 2.0 file")
-        document, rest = document[20 : 20 + length], document[20 + length :]
-        if len(rest) >= 8 and struct.unpack_from("<2I", rest)[1] == BINARY:
-            blob = rest[8 : 8 + struct.unpack_from("<I", rest)[0]]
-    reader = _Document(file, within, json.loads(document), blob)
+    data = read_bytes(file)
+    is_binary = file.suffix.lower() == ".glb"
+    reader = _Document(file, within, *(split_glb(data) if is_binary else (json.loads(data), b"")))
     reader.check_extensions()
     return MeshFile(tuple(reader.parts()), tuple(dict.fromkeys(reader.notes)), "y")
 

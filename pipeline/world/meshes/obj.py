@@ -9,7 +9,7 @@ import numpy as np
 
 from pipeline.poses import Floats
 
-from .files import find_file, pixels, read_bytes
+from .files import find_or_note, pixels, read_bytes
 from .part import Color, MeshError, MeshFile, MeshLook, Part, painted, tinted
 
 
@@ -19,7 +19,7 @@ class _Material(NamedTuple):
 
 
 type _Place = tuple[Path, Path, list[str]]
-"""The OBJ file, the folder below which the files lie that it names, and the notes."""
+"""The folder of the OBJ file, that below which the files lie that it names, and the notes."""
 
 type _Corners = list[tuple[int, int]]
 """Numbers of the point and the coordinates (-1: none) of each corner of triangles."""
@@ -42,7 +42,7 @@ def _index(text: str, count: int) -> int:
 def read_obj(file: Path, within: Path) -> MeshFile:
     """One part a material; files that it names lie below `within`. Raises MeshError."""
     notes: list[str] = []
-    place = file, within, notes
+    place = file.parent, within, notes
     library: dict[str, _Material] = {}
     points, uvs = list[list[float]](), list[list[float]]()
     groups: dict[str, _Corners] = {"": []}
@@ -106,7 +106,7 @@ def _looked(part: Part, shade: Floats | None, material: _Material, place: _Place
     if material.texture and part.uv is None:
         place[2].append("has a texture and no coordinates for it: the color alone is used")
     elif material.texture:
-        path = _find(material.texture, "texture", place)
+        path = find_or_note(material.texture, "texture", *place)
     if path is not None and part.uv is not None:
         look = MeshLook((1.0, 1.0, 1.0), tinted(pixels(read_bytes(path)), kd))
         return replace(part, look=look, uv=part.uv * [1, -1] + [0, 1])
@@ -115,21 +115,9 @@ def _looked(part: Part, shade: Floats | None, material: _Material, place: _Place
     return replace(part, look=MeshLook(material.kd), uv=None)
 
 
-def _find(name: str, what: str, place: _Place) -> Path | None:
-    """The file that an OBJ or MTL names as its `what`; None and a note if it is missing."""
-    file, within, notes = place
-    try:
-        return find_file(name, file.parent, within)
-    except MeshError as error:
-        if "outside of" in str(error):
-            raise
-        notes.append(f"has no {what}: {error}; it is drawn without")
-        return None
-
-
 def _read_library(name: str, place: _Place) -> dict[str, _Material]:
     """Materials of an MTL; if missing none, and a note."""
-    path = _find(name, "material library", place)
+    path = find_or_note(name, "material library", *place)
     materials: dict[str, _Material] = {}
     current = ""
     for word, rest in _lines(read_bytes(path)) if path else ():
