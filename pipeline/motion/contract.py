@@ -29,7 +29,24 @@ class Features:
     displacement: float
 
 
-class TargetMotion(Protocol):
+class Motion(Protocol):
+    """Where a body is at time t (s), in the world."""
+
+    def pose(self, t: ArrayLike) -> Floats:
+        """World pose (..., 7), m and wxyz, at times t (...,)."""
+        ...
+
+    def twist(self, t: ArrayLike) -> Floats:
+        """Linear (m/s), then angular velocity (rad/s), (..., 6), world: after a breakpoint, zero
+        before -lead."""
+        ...
+
+    def scenery(self) -> tuple[Prop, ...]:
+        """What belongs to the motion and is seen: a belt, a disc, a hook."""
+        ...
+
+
+class TargetMotion(Motion, Protocol):
     """Where a target is at time t (s); the robot starts at 0. It stands until -`lead`, is at its
     manipulation pose at `duration`, and continues until released. Positions are the body's origin
     in the world, m; `alpha` is in m/s."""
@@ -45,25 +62,12 @@ class TargetMotion(Protocol):
     @property
     def lead(self) -> float: ...
 
-    def pose(self, t: ArrayLike) -> Floats:
-        """World pose (..., 7), m and wxyz, at times t (...,)."""
-        ...
-
-    def twist(self, t: ArrayLike) -> Floats:
-        """Linear (m/s), then angular velocity (rad/s), (..., 6), world: after a breakpoint, zero
-        before -lead."""
-        ...
-
     def breakpoints(self) -> Floats:
         """Times (k,) before the meeting at which velocity may jump."""
         ...
 
     def features(self) -> Features:
         """Its speeds over [-lead, duration] and its displacement."""
-        ...
-
-    def scenery(self) -> tuple[Prop, ...]:
-        """What belongs to the motion and is seen: a belt, a disc, a hook."""
         ...
 
     def to_json(self) -> str:

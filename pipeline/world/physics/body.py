@@ -1,11 +1,11 @@
 """A body, what moves it, the room it takes, and scenery: plain data."""
 
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from pipeline.motion.contract import Motion
 from pipeline.motion.scenery import Piece, Prop
 from pipeline.poses import Floats, Pose, compose, pose
 from pipeline.world.objects.contract import Family, Slide
@@ -52,24 +52,8 @@ class Body:
         return bool(self.inside) and self.slide is None
 
 
-class Motion(Protocol):
-    """A TargetMotion (motion/contract.py), or a wrapper of one."""
-
-    def pose(self, t: ArrayLike) -> Floats:
-        """Poses (..., 7) at times t (...) in s."""
-        ...
-
-    def twist(self, t: ArrayLike) -> Floats:
-        """Linear (m/s) and angular (rad/s) velocities (..., 6) at times t (...)."""
-        ...
-
-    def scenery(self) -> tuple[Prop, ...]:
-        """What belongs to the motion and is seen."""
-        ...
-
-
 @dataclass(frozen=True, eq=False)
-class StillMotion:
+class StillMotion(Motion):
     at: Pose
 
     def pose(self, t: ArrayLike) -> Floats:
