@@ -51,9 +51,7 @@ def shot(job: tuple[Recipe, Slot]) -> tuple[int, NDArray[np.uint8]]:
             rollout = attempt(recipe.spec(slot, number), recipe)
         except Failure:
             continue
-        appearance = replace(
-            appearance_of(rollout.scene, recipe).seen_by(HEAD), preset="raster-smooth"
-        )
+        appearance = replace(appearance_of(rollout.scene, recipe).seen_by(HEAD), preset="raster")
         frame = min(round(rollout.meeting * recipe.fps), len(rollout.replay.log) - 1)
         (view,) = render(appearance, rollout.replay.log, frames=[frame])
         return number, cv2.resize(view.rgb[0], SIZE, interpolation=cv2.INTER_AREA).astype(np.uint8)

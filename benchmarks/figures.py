@@ -40,7 +40,7 @@ from pipeline.evaluate.scenes.case import Case
 from pipeline.evaluate.scoring.clock import parse_clock
 from pipeline.report.film_strip import draw_path, meeting_frame, path_pixels
 from pipeline.stages.attempt import Rollout, attempt
-from pipeline.stages.drawing.redraw import facing, redraw_smooth
+from pipeline.stages.drawing.redraw import facing, film
 from pipeline.stages.drawing.render import (
     appearance_of,
     render,
@@ -69,7 +69,7 @@ def from_the_side(rollout: Rollout, frames: list[int]) -> NDArray[np.uint8]:
     path of the target in view."""
     scene, log = rollout.scene, rollout.replay.log
     camera = facing(log, scene.task.target)
-    appearance = replace(appearance_of(scene), cameras=(camera,), preset="raster-smooth")
+    appearance = replace(appearance_of(scene), cameras=(camera,), preset="raster")
     return render(appearance, log, frames=frames)[0].rgb
 
 
@@ -110,7 +110,7 @@ def panel(path: Path, title: str) -> list[NDArray[np.uint8]]:
     with open_episode(path) as e:
         episode = e.read()
     busiest = SIDES[int(np.ptp(episode.log.tcp[:, :, :3], axis=0).sum(axis=1).argmax())]
-    outside, wrist = redraw_smooth(path, path.parents[5] / "assets" / "bodies", CAMERAS[busiest])
+    outside, wrist = film(path, path.parents[5] / "assets" / "bodies", CAMERAS[busiest])
     frames = []
     for image, small in zip(with_path(outside, episode), wrist.rgb, strict=True):
         frame, small = scaled(image, WIDTH), scaled(small, INSET)
@@ -237,7 +237,7 @@ def variants(path: Path, out: Path) -> None:
     columns = []
     for look in looks:
         appearance = replace(
-            with_setup(stored, setup, look, episode.log.sides, None), preset="raster-smooth"
+            with_setup(stored, setup, look, episode.log.sides, None), preset="raster"
         )
         views = render(appearance, episode.log, frames=[meeting_frame(episode) or 0])
         columns.append(np.vstack([scaled(view.rgb[0], 320) for view in views]))
@@ -342,7 +342,7 @@ def pair(out: Path) -> None:
         log = trial.log()
         camera = camera or facing(log, trial.scene.task.target)
         appearance = appearance_of(trial.scene)
-        appearance = replace(appearance, cameras=(camera,), preset="raster-smooth")
+        appearance = replace(appearance, cameras=(camera,), preset="raster")
         frames = list(range(0, min(len(log), 70), 2))
         rgb = render(appearance, log, frames=frames)[0].rgb
         title += ": success" if row["success"] else f": {row['failure']}"

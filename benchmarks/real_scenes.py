@@ -80,7 +80,7 @@ def images(rollout: Rollout) -> tuple[Image, Image]:
     ]
     across = facing(log, scene.task.target)
     close = replace(across, name="close", pose=framed(around, FACING, FILMED, 0.0))
-    drawing = replace(appearance_of(scene), cameras=(across, close), preset="raster-smooth")
+    drawing = replace(appearance_of(scene), cameras=(across, close), preset="raster")
     views = render(drawing, log, frames=[frame])
     return views[0].rgb[0], views[1].rgb[0]
 

@@ -47,7 +47,7 @@ SCENES = (
     "place_object_basket@randomized:arx",
 )
 PIXELS = 320 * 240
-PRESETS = ("raster", "raster-fast", "raster-smooth")
+PRESETS = ("raster", "raster-fast")
 MANISKILL3 = 736 * 128 * 128 / 28.2
 """Pixels a second of ManiSkill3 3.0.1 on an AMD EPYC without a GPU: PickCube-v1, ten demonstrations
 of its planner replayed with one 128x128 camera, 736 frames in 28.2 s."""

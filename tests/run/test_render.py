@@ -29,7 +29,7 @@ from pipeline.run.names import recipe_from
 from pipeline.run.render import render
 from pipeline.run.slot import redraw
 from pipeline.run.state import status
-from pipeline.stages.drawing.redraw import facing, redraw_smooth
+from pipeline.stages.drawing.redraw import facing, film
 from tests.export.running import run as run_export
 from tests.recording import record_all
 from tests.run.command import inside, slots, start
@@ -97,7 +97,7 @@ def test_a_film_has_every_frame_and_both_arms_and_the_path_in_view(source, monke
     path, *_ = paths(source)
     with EpisodeFile(path) as file:
         episode = file.read()
-    outside, head = redraw_smooth(path, source.assets / "bodies", "head_camera")
+    outside, head = film(path, source.assets / "bodies", "head_camera")
     assert outside.rgb.shape == head.rgb.shape == (len(episode.log), 48, 64, 3)
     assert outside.rgb.std() > 10 and head.rgb.std() > 10
     camera = facing(episode.log, episode.meta.target)

@@ -32,14 +32,14 @@ def redraw(path: Path, camera: str, bodies: Path) -> View:
     return render(appearance, log, depth=True, segmentation=True)[0]
 
 
-def redraw_smooth(path: Path, bodies: Path, *cameras: str) -> list[View]:
-    """A stored episode in `raster-smooth` at 640x480, from a framing camera and the stored ones."""
+def film(path: Path, bodies: Path, *cameras: str) -> list[View]:
+    """A stored episode at 640x480, from a framing camera and the stored ones."""
     episode, appearance = read_stored(path, bodies)
     size = {"width": FILMED.width, "height": FILMED.height}
     stored = appearance.seen_by(*cameras).cameras
     outside = facing(episode.log, episode.meta.target, episode.meta.manipulated)
     seen = (outside, *(replace(c, type=replace(c.type, **size)) for c in stored))
-    return render(replace(appearance, cameras=seen, preset="raster-smooth"), episode.log)
+    return render(replace(appearance, cameras=seen, preset="raster"), episode.log)
 
 
 def facing(log: StateLog, *bodies: str) -> Camera:

@@ -29,33 +29,22 @@ from .shadows import (
 
 @dataclass(frozen=True)
 class Preset:
-    """How to draw: shader folder, colour target, shadows. `samples` per pixel are edge samples, or
-    paths of ray tracing."""
+    """Whether shadows are drawn and edges smoothed. `stock` are SAPIEN's own shaders, which trace
+    rays: they divide light by pi and expect linear colours."""
 
-    shader: str
-    target: str = "Image"
     shadow: bool = True
-    samples: int = 1
     edges: bool = False
-
-    @property
-    def stock(self) -> bool:
-        """Whether SAPIEN's own shaders draw: they divide light by pi and expect linear colours."""
-        return self.shader == "rt"
-
-    @property
-    def software(self) -> bool:
-        """Whether our own rasteriser can draw it."""
-        return self.samples == 1 and not self.stock
+    stock: bool = False
 
 
 PRESETS: dict[str, Preset] = {
-    "raster": Preset("raster", edges=True),
-    "raster-fast": Preset("raster", shadow=False),
-    "raster-smooth": Preset("raster", samples=4),
-    "rt": Preset("rt", "Color", samples=32),
+    "raster": Preset(edges=True),
+    "raster-fast": Preset(shadow=False),
+    "rt": Preset(stock=True),
 }
 
+PATHS = 32
+"""Paths of light that ray tracing follows from each pixel."""
 
 PLAIN = -(1 << 20)
 """uvs with v at or below this hold a material and no texture coordinates, as
@@ -150,9 +139,7 @@ class DrawnScene:
         self._light(visuals)
         for name, body in bodies.items():
             component = body.component.clone()
-            entity = sapien.Entity()
-            entity.add_component(component)
-            entity.add_to_scene(self._scene)
+            entity = _entered(sapien, self._scene, component)
             component.set_property("body", body.number)
             if body.plane is not None:
                 component.shading_mode = 1
@@ -166,7 +153,7 @@ class DrawnScene:
 
     def place(self, name: str, pose: ArrayLike) -> None:
         """Set the world pose (7,) of a body."""
-        self._bodies[name][0].set_pose(self._pose(pose))
+        self._bodies[name][0].set_pose(_sapien_pose(self._sapien, pose))
 
     def show(self, names: Iterable[str]) -> None:
         """Hide all other bodies. A change costs a third of a frame."""
@@ -180,7 +167,7 @@ class DrawnScene:
         if (kind, shader) not in self._cameras:
             self._cameras[kind, shader] = self._camera(kind, shader)
         camera = self._cameras[kind, shader]
-        camera.entity.set_pose(self._pose(pose))
+        camera.entity.set_pose(_sapien_pose(self._sapien, pose))
         self._scene.update_render()
         camera.take_picture()
         return camera
@@ -197,19 +184,15 @@ class DrawnScene:
         own = (SHADERS / (shader + self._look.shaders), SHADERS / shader)
         folder = next((path for path in own if path.is_dir()), stock)
         if shader == "rt":
-            render.set_ray_tracing_samples_per_pixel(self._preset.samples)
+            render.set_ray_tracing_samples_per_pixel(PATHS)
             render.set_ray_tracing_path_depth(8)
             render.set_ray_tracing_denoiser("none")
-        # The engine reads these settings when a camera is made, so they may differ between cameras.
-        render.set_msaa(self._preset.samples if shader == "raster" else 1)
         for target in ("Image", "Body"):
             render.set_picture_format(target, "R8G8B8A8Unorm")
         camera = render.RenderCameraComponent(kind.width, kind.height, str(folder))
         camera.set_fovy(np.radians(kind.fovy))
         camera.near, camera.far = NEAR, FAR
-        entity = self._sapien.Entity()
-        entity.add_component(camera)
-        entity.add_to_scene(self._scene)
+        _entered(self._sapien, self._scene, camera)
         for name, texture in self._textures.items():
             camera.set_texture(name, texture)
         return camera
@@ -230,10 +213,6 @@ class DrawnScene:
         for point in visuals.points:
             self._scene.add_point_light(point.position, np.array(point.color) * unit)
 
-    def _pose(self, pose: ArrayLike) -> Any:
-        p = np.asarray(pose, float)
-        return self._sapien.Pose(p[:3], p[3:])
-
 
 class EngineCasters:
     """The sun's view of bodies, and the two `textures` that our shaders look shadows up in."""
@@ -252,14 +231,10 @@ class EngineCasters:
         moving, fixed = bodies
         self._bodies = {name: self._add(parts) for name, parts in moving.items() if parts}
         self._fixed = [self._add(fixed)[1]] if fixed else []
-        # a setting of the whole process; a camera of several samples per pixel has no depth to read
-        render.set_msaa(1)
         self._camera: Any = render.RenderCameraComponent(
             SHADOW_MAP, SHADOW_MAP, str(SHADERS / "shadow_map")
         )
-        entity = sapien.Entity()
-        entity.add_component(self._camera)
-        entity.add_to_scene(self._scene)
+        _entered(sapien, self._scene, self._camera)
         self._depths: Any = render.RenderTexture(depths, 2, "R32Sfloat", 1, "nearest", "edge")
         kind = {2: "R8G8Unorm", 4: "R8G8B8A8Unorm"}[masks.shape[2]]
         self._masks: Any = render.RenderTexture(masks, 2, kind, 1, "linear", "edge")
@@ -267,7 +242,7 @@ class EngineCasters:
 
     def place(self, name: str, pose: Pose) -> None:
         """Set the world pose (7,) of a body."""
-        self._bodies[name][0].set_pose(self._sapien.Pose(pose[:3], pose[3:]))
+        self._bodies[name][0].set_pose(_sapien_pose(self._sapien, pose))
 
     def show(self, names: Set[str], fixed: bool) -> None:
         """Hide all other bodies."""
@@ -299,10 +274,20 @@ class EngineCasters:
         body = render.RenderBodyComponent()
         shape = mesh.vertices, mesh.triangles, mesh.normals, mesh.uvs, render.RenderMaterial()
         body.attach(render.RenderShapeTriangleMesh(*shape))
-        entity = self._sapien.Entity()
-        entity.add_component(body)
-        entity.add_to_scene(self._scene)
-        return entity, body
+        return _entered(self._sapien, self._scene, body), body
+
+
+def _entered(sapien: Any, scene: Any, component: Any) -> Any:
+    """The entity of a component in a scene."""
+    entity = sapien.Entity()
+    entity.add_component(component)
+    entity.add_to_scene(scene)
+    return entity
+
+
+def _sapien_pose(sapien: Any, pose: ArrayLike) -> Any:
+    p = np.asarray(pose, float)
+    return sapien.Pose(p[:3], p[3:])
 
 
 def component(sapien: Any, parts: Parts, stock: bool, levels: int = 4) -> Any:

@@ -42,7 +42,7 @@ FURNITURE = "the furniture"  # no name of a body: those have no spaces
 
 def is_software(preset: str, look: int = LOOK) -> bool:
     """Whether our own rasteriser draws this preset and look here."""
-    return look_of(look).software and PRESETS[preset].software and not has_gpu()
+    return look_of(look).software and not PRESETS[preset].stock and not has_gpu()
 
 
 def device_of(preset: str, look: int = LOOK) -> str:
@@ -56,8 +56,7 @@ class Renderer(AbstractContextManager["Renderer"]):
     it as a context manager.
 
     Segmentation numbers are positions in `visual_bodies` plus one: keep the order of
-    `StateLog.bodies`. Raises ValueError for an unknown preset or more than 255 bodies, KeyError for
-    a camera on no body, NoRenderer.
+    `StateLog.bodies`. Raises ValueError for more than 255 bodies, NoRenderer.
 
     With raster presets each camera has a scene of bodies in view; all share a shadow map.
     """
@@ -71,13 +70,8 @@ class Renderer(AbstractContextManager["Renderer"]):
         preset: str = "raster",
         images: Mapping[str, Rgba] | None = None,
     ) -> None:
-        if preset not in PRESETS:
-            raise ValueError(f"preset {preset!r} is unknown: presets are {', '.join(PRESETS)}")
         if len(visual_bodies) > MAX_BODIES:
             raise ValueError(f"{len(visual_bodies)} bodies: a segmentation holds {MAX_BODIES}")
-        for camera in cameras:
-            if camera.link is not None and camera.link not in visual_bodies:
-                raise KeyError(f"camera {camera.name!r} is mounted on {camera.link!r}, no body")
         self._preset = PRESETS[preset]
         self.cameras = tuple(cameras)
         self._names = tuple(visual_bodies)
@@ -86,7 +80,7 @@ class Renderer(AbstractContextManager["Renderer"]):
         self._look = look = look_of(visuals.look)
         planes: dict[str, Parts] = {
             TABLE: table_top(visuals, images),
-            **shell(visuals, self._preset.shader != "rt", images),
+            **shell(visuals, not self._preset.stock, images),
         }
         planes[TABLE] = look.surface(planes[TABLE], visuals.sun_direction)
         scattered = table_light(visuals, planes[TABLE][0][1].texture)
@@ -163,9 +157,12 @@ class Renderer(AbstractContextManager["Renderer"]):
 
         `body_poses` are world poses (T,7). RGB (F,H,W,3) is uint8, depth (F,H,W) uint16 in mm along
         the viewing axis (0: nothing), segmentation (F,H,W) uint8. Raises KeyError for a missing
-        body, ValueError for a wrong shape.
+        body.
         """
-        poses = self._check_poses(body_poses)
+        needed = {*self._moving, *(c.link for c in self.cameras if c.link is not None)}
+        poses = {
+            name: np.asarray(body_poses[name], float) for name in self._names if name in needed
+        }
         index = np.asarray(frames or [0], int)
         if poses and frames is None:
             index = np.arange(len(next(iter(poses.values()))))
@@ -211,8 +208,7 @@ class Renderer(AbstractContextManager["Renderer"]):
                 scene.show(shown)
                 here = {name: now[name] for name in shown if name in now}
                 taken.append(cameras := self._take(scene, view, places[i][k], here))
-                if self._preset.samples == 1:
-                    buffers[i] = partial(cameras[0].get_picture, "GbufferDepth")
+                buffers[i] = partial(cameras[0].get_picture, "GbufferDepth")
             # All are under way before the first is waited for.
             for cameras, view in zip(taken, views, strict=True):
                 if cameras is not None:
@@ -222,17 +218,6 @@ class Renderer(AbstractContextManager["Renderer"]):
                     if images is not None:
                         images[k] = images[k - 1]
         return views
-
-    def _check_poses(self, body_poses: Mapping[str, ArrayLike]) -> dict[str, Floats]:
-        needed = {*self._moving, *(c.link for c in self.cameras if c.link is not None)}
-        missing = sorted(needed - set(body_poses))
-        if missing:
-            raise KeyError(f"no poses for {', '.join(missing)}")
-        poses = {n: np.asarray(body_poses[n], float) for n in self._names if n in needed}
-        shapes = {p.shape for p in poses.values()}
-        if len(shapes) > 1 or any(len(s) != 2 or s[1] != 7 for s in shapes):
-            raise ValueError(f"poses must all be (T, 7) with one T; got {sorted(shapes)}")
-        return poses
 
     def _places(self, camera: Camera, poses: Mapping[str, Floats], frames: int) -> Floats:
         """A camera's poses, (F,7)."""
@@ -248,14 +233,13 @@ class Renderer(AbstractContextManager["Renderer"]):
         for name, pose in poses.items():
             scene.place(name, pose)
         kind, truth = view.camera.type, view.depth is not None or view.segmentation is not None
-        # Masks must not be blended at edges: they come from the same pass only where that has one
-        # sample per pixel.
-        together = not self._preset.stock and self._preset.samples == 1
-        camera = scene.take(kind, "raster_masks" if truth and together else self._preset.shader, at)
-        return camera, (scene.take(kind, "masks", at) if truth and not together else camera)
+        if self._preset.stock:
+            camera = scene.take(kind, "rt", at)
+            return camera, scene.take(kind, "masks", at) if truth else camera
+        return (scene.take(kind, "raster_masks" if truth else "raster", at),) * 2
 
     def _read(self, cameras: tuple[Any, Any], view: View, k: int) -> None:
-        image = cameras[0].get_picture(self._preset.target)
+        image = cameras[0].get_picture("Color" if self._preset.stock else "Image")
         if image.dtype != np.uint8:
             image = np.rint(np.clip(image, 0, 1) * 255).astype(np.uint8)
         if self._edges:

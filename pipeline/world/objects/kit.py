@@ -72,18 +72,16 @@ def lean(out: float, up: float) -> float:
     return float(np.degrees(np.arctan2(out, up)))
 
 
-def size_word(
-    value: float, bounds: Range, words: tuple[str, str, str] = ("small", "medium-sized", "large")
-) -> str:
-    """The third of a range, as a word."""
-    share = (value - bounds[0]) / (bounds[1] - bounds[0])
-    return words[min(2, max(0, int(3 * share)))]
-
-
 LARGE = ("small", "medium-sized", "large")
 TALL = ("short", "medium-sized", "tall")
 LONG = ("short", "medium-sized", "long")
 WIDE = ("narrow", "medium-sized", "wide")
+
+
+def size_word(value: float, bounds: Range, words: tuple[str, str, str] = LARGE) -> str:
+    """The third of a range, as a word."""
+    share = (value - bounds[0]) / (bounds[1] - bounds[0])
+    return words[min(2, max(0, int(3 * share)))]
 
 
 def drawn(how: Callable[[Generator, Any], Any], **notes: Any) -> Any:

@@ -49,16 +49,3 @@ def get_embodiment(name: str, layout: Layout = "ours") -> Embodiment:
 def _build(name: str, layout: Layout) -> Embodiment:
     left, _, right = name.partition("+")
     return pair(MODELS.get(left), MODELS.get(right or left), layout)
-
-
-__all__ = [
-    "ALIASES",
-    "MODELS",
-    "OURS",
-    "RobotError",
-    "UnknownEmbodiment",
-    "canonical_name",
-    "get_embodiment",
-    "register",
-    "register_all",
-]

@@ -171,12 +171,6 @@ def root_link(arm: Arm) -> str:
     return next(link.name for link in arm.links if link.name not in moved)
 
 
-def arm_limits(arm: Arm) -> np.ndarray:
-    """Limits of the arm joints, (dof, 2) rad."""
-    by_name = {joint.name: joint for joint in arm.joints}
-    return np.array([(by_name[n].lower, by_name[n].upper) for n in arm.arm_joints])
-
-
 class RobotError(DominoError):
     """A robot whose spec is not sound."""
 

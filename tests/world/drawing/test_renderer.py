@@ -233,10 +233,10 @@ def test_an_image_does_not_depend_on_the_renderer_before() -> None:
 
     first = dict[str, bytes]()
     # every preset after every one, itself included
-    presets = ("raster", "raster-smooth", "raster-fast")
-    for number in (0, 0, 1, 1, 2, 2, 0, 2, 1, 0):
-        drawn = image(presets[number])
-        assert drawn == first.setdefault(presets[number], drawn)
+    fast = "raster-fast"
+    for preset in ("raster", "raster", fast, fast, "raster"):
+        drawn = image(preset)
+        assert drawn == first.setdefault(preset, drawn)
 
 
 def test_shadow_darkens_the_table_and_only_with_shadows_on() -> None:
@@ -405,35 +405,10 @@ def test_ray_traced_image_resembles_the_raster_one(views: list) -> None:
 
 
 def test_bad_input_is_named() -> None:
-    with pytest.raises(ValueError, match="cinema"):
-        Renderer(BODIES, [], [HEAD], CLEAN, "cinema")
-    with pytest.raises(KeyError, match="left_link6"):
-        Renderer(BODIES, [], [replace(HEAD, link="left_link6")], CLEAN)
     with pytest.raises(ValueError, match="255"):
         Renderer({f"b{i}": [] for i in range(256)}, [], [HEAD], CLEAN)
-    with Renderer(BODIES, [], [HEAD], CLEAN) as renderer:
-        with pytest.raises(KeyError, match="ball"):
-            renderer.render({"box": POSES["box"]})
-        with pytest.raises(ValueError, match="T, 7"):
-            renderer.render({**POSES, "box": BOX_POSE})
-        with pytest.raises(ValueError, match="T, 7"):
-            renderer.render({**POSES, "box": np.repeat(POSES["box"], 2, 0)})
-
-
-def test_smooth_preset_softens_edges_and_leaves_masks_alone(views: list) -> None:
-    with Renderer(BODIES, [], [HEAD], CLEAN, "raster-smooth") as renderer:
-        smooth = renderer.render(POSES, depth=True, segmentation=True)[0]
-    # the engine draws these, and may round a millimetre otherwise than our own rasteriser
-    assert np.array_equal(smooth.segmentation, views[0].segmentation)
-    assert np.abs(smooth.depth.astype(int) - views[0].depth).max() <= 1
-    difference = np.abs(smooth.rgb[0].astype(int) - views[0].rgb[0]).max(-1) > 12
-    mask = views[0].segmentation[0]
-    edge = np.zeros_like(difference)
-    edge[:, 1:] |= mask[:, 1:] != mask[:, :-1]
-    edge[:, :-1] |= mask[:, 1:] != mask[:, :-1]
-    edge[1:] |= mask[1:] != mask[:-1]
-    edge[:-1] |= mask[1:] != mask[:-1]
-    assert np.mean(difference[edge]) > 0.3 > 10 * np.mean(difference[~edge])
+    with Renderer(BODIES, [], [HEAD], CLEAN) as renderer, pytest.raises(KeyError, match="ball"):
+        renderer.render({"box": POSES["box"]})
 
 
 def test_depth_buffer_inverts_the_projection() -> None:

@@ -51,15 +51,6 @@ def test_a_chosen_driver_that_is_not_there_is_named(
         vulkan.ensure_renderer.__wrapped__()
 
 
-def test_a_limit_of_file_sizes_that_would_end_the_process_is_refused(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.setattr(vulkan.resource, "getrlimit", lambda _: (100 * 1024, 100 * 1024))
-    monkeypatch.setenv("VK_ICD_FILENAMES", str(vulkan._lavapipe_icd()))
-    with pytest.raises(vulkan.NoRenderer, match="ulimit -f"):
-        vulkan.ensure_renderer.__wrapped__()
-
-
 DRAW = """
 from pipeline.intake.catalogue.gallery import portrait
 from pipeline.world.drawing.renderer import device_of

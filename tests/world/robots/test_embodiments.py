@@ -13,13 +13,13 @@ from pipeline.world.drawing.silhouettes import occluders_of, track_bodies
 from pipeline.world.robots import ALIASES, MODELS, UnknownEmbodiment, canonical_name, get_embodiment
 from pipeline.world.robots.contract import (
     Embodiment,
-    arm_limits,
     arm_poses,
     jaw_positions,
     jaw_value,
     root_link,
 )
 from tests.world.robots.both_arms import tcp_pose
+from tests.world.robots.limits import arm_limits
 
 NAMES = (*MODELS, "piper+franka-panda")
 

@@ -6,8 +6,9 @@ import pytest
 
 from pipeline.poses import compose, inverse, matrix
 from pipeline.world.robots import MODELS, get_embodiment
-from pipeline.world.robots.contract import Arm, arm_limits, arm_poses
+from pipeline.world.robots.contract import Arm, arm_poses
 from tests.world.robots.both_arms import tcp_pose
+from tests.world.robots.limits import arm_limits
 
 DEG = np.pi / 180
 

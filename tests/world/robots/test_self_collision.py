@@ -11,9 +11,10 @@ import pytest
 from pipeline.data.names import SIDES
 from pipeline.poses import matrix, pose
 from pipeline.world.robots import MODELS, get_embodiment
-from pipeline.world.robots.contract import Embodiment, arm_limits, jaw_positions, root_link
+from pipeline.world.robots.contract import Embodiment, jaw_positions, root_link
 from pipeline.world.shapes import Collider
 from tests.world.robots.both_arms import embodiment_urdf
+from tests.world.robots.limits import arm_limits
 
 TABLE = Collider("box", (0.6, 0.35, 0.025), pose((0, 0, 0.715)))
 

@@ -94,7 +94,7 @@ def image(parts):
     camera = Camera(
         "above", CameraType(240, 60, 20.0), None, look((0, 0, 3.0), (0, 0, -1), (-1, 0, 0))
     )
-    with Renderer({"all": parts}, (), [camera], CLEAN, "raster-smooth") as renderer:
+    with Renderer({"all": parts}, (), [camera], CLEAN, "raster") as renderer:
         return renderer.render({"all": pose((0, 0, 0.75))[None]})[0].rgb[0].astype(int)
 
 

@@ -9,8 +9,9 @@ from pipeline.data.names import SIDES
 from pipeline.intake.robots.write import arm_urdf, rpy_from_quat
 from pipeline.poses import matrix, quat_from_rpy, quat_to_matrix
 from pipeline.world.robots import MODELS, get_embodiment
-from pipeline.world.robots.contract import Arm, arm_limits, arm_poses
+from pipeline.world.robots.contract import Arm, arm_poses
 from tests.world.robots.both_arms import embodiment_urdf
+from tests.world.robots.limits import arm_limits
 
 angles = st.floats(-np.pi, np.pi)
 
