@@ -18,7 +18,7 @@ SHORT = 0.05
 MOTION = ("average_speed", "end_speed", "displacement", "alpha")
 """What `law` reads of an attempt."""
 
-PLACE = ("task", "embodiment", "level", "alpha", "domain")
+PLACE = Cell.__match_args__
 
 type Row = Mapping[str, Any]
 
@@ -134,34 +134,16 @@ def summarise(groups: Sequence[Group]) -> dict[str, Any]:
 def speed_histogram(
     episodes: Sequence[EpisodeFacts], alpha: float, bins: int = 24
 ) -> dict[str, Any]:
-    """Average and maximum speeds as columns (x, y, width, height) in SVG units; the line of
-    alpha is at `alpha_x`.
-    """
-    width, height, left, base, tall = 360, 170, 8, 140, 112
+    """Counts of average and maximum speeds in bins from 0 to `top` m/s."""
     average, maximum = ([*each] for each in zip(*(e[2:] for e in episodes), strict=True))
     top = max([alpha, *average, *maximum, 1e-3]) * 1.08
     counts = [np.histogram(s, bins, (0, top))[0].tolist() for s in (average, maximum)]
-    unit = tall / max(1, *(max(c) for c in counts))
-    step = (width - 2 * left) / bins
-    columns = [
-        [
-            (left + i * step + 0.7, base - unit * n, step - 1.4, unit * n)
-            for i, n in enumerate(c)
-            if n
-        ]
-        for c in counts
-    ]
     return {
         "episodes": len(episodes),
         "mean": float(np.mean(average)),
         "largest": max(maximum),
-        "width": width,
-        "height": height,
-        "left": left,
-        "base": base,
         "top": top,
         "alpha": alpha,
-        "alpha_x": left + (width - 2 * left) * alpha / top,
-        "average": columns[0],
-        "maximum": columns[1],
+        "average": counts[0],
+        "maximum": counts[1],
     }

@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from types import MappingProxyType
+from typing import Any
 
 DEFAULT_ALPHA = 0.1
 
@@ -64,32 +65,20 @@ def episode_name(index: int, variant: int = 0) -> str:
     return f"episode_{index:07d}_v{variant}" if variant else f"episode_{index:07d}"
 
 
-@dataclass(frozen=True)
-class Choice:
-    """The values of a recipe that choose its slots. `each`: episodes of a cell by domain, a
-    weight if `total`.
-    """
-
-    tasks: tuple[str, ...]
-    embodiments: tuple[str, ...]
-    levels: tuple[int, ...]
-    alpha: tuple[float, ...]
-    domains: tuple[str, ...]
-    each: tuple[tuple[str, int], ...]
-    total: int | None = None
-
-
 @lru_cache(maxsize=8)
-def episodes_by_cell(choice: Choice) -> Mapping[Cell, int]:
-    """Episodes of every cell, in a fixed order. Level 0 knows no speed, so it appears once."""
-    lists = (choice.tasks, choice.embodiments, choice.levels, choice.alpha, choice.domains)
+def episodes_by_cell(
+    lists: tuple[tuple[Any, ...], ...], each: tuple[tuple[str, int], ...], total: int | None
+) -> Mapping[Cell, int]:
+    """Episodes of every cell of the `lists` of tasks, embodiments, levels, alphas and domains, in a
+    fixed order; `each`: episodes of a cell by domain, a weight if `total`. Level 0 knows no speed,
+    so it appears once.
+    """
     cells = dict.fromkeys(
         Cell(task, embodiment, level, alpha if level else DEFAULT_ALPHA, domain)
         for task, embodiment, level, alpha, domain in itertools.product(*lists)
     )
-    each = dict(choice.each)
-    counts = {cell: each.get(cell.domain, 0) for cell in cells}
-    return MappingProxyType(counts if choice.total is None else spread(counts, choice.total))
+    counts = {cell: dict(each).get(cell.domain, 0) for cell in cells}
+    return MappingProxyType(counts if total is None else spread(counts, total))
 
 
 def spread(weights: Mapping[Cell, int], total: int) -> dict[Cell, int]:

@@ -24,7 +24,7 @@ from pipeline.data.spec import (
     condition_arms,
 )
 
-from .cells import DEFAULT_ALPHA, Cell, Choice, Slot, episodes_by_cell
+from .cells import DEFAULT_ALPHA, Cell, Slot, episodes_by_cell
 
 MOST_SLOTS = 10_000_000  # episodes of one dataset
 SLOWEST = 1e-3  # m/s
@@ -181,7 +181,7 @@ class Recipe(Setup):
         of = self.episodes
         lists = (self.tasks, self.embodiments, self.levels, self.alpha, self.domains)
         each = tuple((d, of if isinstance(of, int) else of.get(d, 0)) for d in self.domains)
-        return episodes_by_cell(Choice(*lists, each, self.total))
+        return episodes_by_cell(lists, each, self.total)
 
     def cells(self) -> list[Cell]:
         """All cells, in a fixed order."""

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from pipeline.data.dataset import Dataset, licences_in
+from pipeline.data.recipe.cells import Cell
 from pipeline.data.slots.select import TEST, VALIDATION, split_of
 from pipeline.html import bullets, code_block, code_span, markdown, render_page, table
 from pipeline.motion.models import PLANAR, level_name, level_of
@@ -135,7 +136,7 @@ def _reasons(seen: Sequence[SurveyedEpisode]) -> str:
 
 def _cells(dataset: Path, seen: Sequence[SurveyedEpisode]) -> str:
     attempts, rows = dict[tuple[Any, ...], list[bool]](), list[list[object]]()
-    names = ("task", "embodiment", "level", "alpha", "domain")
+    names = Cell.__match_args__
     for row in Dataset(dataset).attempt_rows(*names, "outcome"):
         key = tuple(row[name] for name in names)
         attempts.setdefault(key, []).append(row["outcome"] == "accepted")

@@ -31,7 +31,7 @@ OURS = (PAGE, LIST, "view.css", "view.js", "thumb_", "episode_", ".")
 """How the names of the viewer's files begin."""
 
 FAILURES = 2000
-PLACE = ("task", "embodiment", "level", "alpha", "domain")
+PLACE = Cell.__match_args__
 COLUMNS = (*PLACE, "slot", "attempt", "seed", "outcome")
 WHY = ("stage", "reason", "detail", "conditions")
 
