@@ -190,14 +190,19 @@ def gc(
     as_json: AsJson = False,
 ) -> None:
     """Remove damaged episodes of no slot, annotations of no episode, assets of no episode, and
-    partial files. Whole episodes of no slot stay."""
+    partial files.
+
+    Whole episodes of no slot go to DATASET/orphans."""
     from pipeline.run.manage.gc import WHOLE, collect
 
     orphans = collect(Dataset(dataset), dry_run)
     removed = [orphan for orphan in orphans if orphan.why != WHOLE]
     lines = shorten([f"{orphan.path}: {orphan.why}" for orphan in orphans])
-    size = sum(orphan.size for orphan in removed) / 1e6
     would = "would be" if dry_run else "were"
+    if moved := len(orphans) - len(removed):
+        where = Dataset(dataset).orphans
+        lines.append(f"{moved} whole episodes of no slot {would} moved to {where}")
+    size = sum(orphan.size for orphan in removed) / 1e6
     lines.append(f"{len(removed)} files, {size:.1f} MB, {would} removed")
     values = {"removed": not dry_run, "files": [asdict(orphan) for orphan in orphans]}
     print_result(values, as_json, "\n".join(lines))

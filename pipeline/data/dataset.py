@@ -36,7 +36,7 @@ class DatasetError(DominoError):
     """A dataset that cannot be used as asked: one line with the fix."""
 
 
-FOLDERS = ("annotations", "assets", "episodes", "exports", "failures", "logs", "report")
+FOLDERS = ("annotations", "assets", "episodes", "exports", "failures", "logs", "orphans", "report")
 
 
 class Dataset(Paths):

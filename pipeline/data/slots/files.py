@@ -30,7 +30,7 @@ _FILE = re.compile(r"episode_(\d{7,8})(?:_v(\d+))?(\.hdf5|\.given_up\.json)")
 
 
 class Paths:
-    """The paths of a dataset."""
+    """The paths of a dataset. `orphans` has whole episodes of no slot that `gc` moved."""
 
     def __init__(self, root: Path) -> None:
         self.root = root = Path(root)
@@ -43,6 +43,7 @@ class Paths:
         self.bodies = self.assets / "bodies"
         self.episodes = root / "episodes"
         self.failures = root / "failures"
+        self.orphans = root / "orphans"
 
     def episode(self, slot: Slot) -> Path:
         return self.episodes / f"{slot.path}{EPISODE}"

@@ -241,12 +241,31 @@ def stray(dataset, count=1):
     return paths
 
 
-def test_a_whole_episode_of_no_slot_stays_with_its_asset(tmp_path):
+def test_a_whole_episode_of_no_slot_is_set_aside_and_what_is_there_stays(tmp_path):
+    dataset = made(tmp_path / "out", {0, 1, 2})
+    for number in range(2):
+        (path,) = stray(dataset)
+        data = path.read_bytes()
+        code, out, _ = inside("gc", dataset.root)
+        assert (
+            code == 0 and "1 whole episodes of no slot were moved to" in out and not path.exists()
+        )
+        name = path.name if not number else f"{path.stem}.1.hdf5"
+        assert (
+            dataset.orphans / "episodes/gone_task/aloha-agilex/L1/clean" / name
+        ).read_bytes() == data
+    assert collect(dataset) == []
+
+
+def test_more_than_a_quarter_of_the_episodes_is_not_touched(tmp_path):
     dataset = made(tmp_path / "out", {0, 1, 2})
     stray(dataset, 2)
     before = everything(dataset.root)
-    code, out, _ = inside("gc", dataset.root)
-    assert code == 0 and out.count("whole episode of no slot, stays") == 2 and "0 files" in out
+    with pytest.raises(
+        DatasetError,
+        match=r"2 of 5 whole episodes belong to no slot of manifest.yaml, more than 25 %",
+    ):
+        collect(dataset)
     assert everything(dataset.root) == before
 
 
