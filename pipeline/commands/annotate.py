@@ -47,6 +47,7 @@ def annotate(
     workers: Annotated[int, number(1, common.MOST_WORKERS, "Worker processes.")] = 1,
     address: common.Address = None,
     gpus_per_worker: common.Gpus = None,
+    runtime_env: common.RuntimeEnv = None,
     dry_run: Annotated[
         bool, option("Report what would run and why; write and download nothing.", "--dry-run")
     ] = False,
@@ -86,7 +87,7 @@ def annotate(
         world=kinds.WorldOptions(track_points, dense),
     )
     source = Dataset(dataset)
-    crew = common.crew_of(executor, workers, address, gpus_per_worker)
+    crew = common.crew_of(executor, workers, address, gpus_per_worker, runtime_env)
     drawn = Redraw(partial(redraw, bodies=source.bodies), partial(truth, bodies=source.bodies))
     with common.resumable(dataset):
         values = run(

@@ -28,6 +28,7 @@ def build(
     workers: common.Workers = None,
     address: common.Address = None,
     gpus_per_worker: common.Gpus = None,
+    runtime_env: common.RuntimeEnv = None,
     slot_timeout: Annotated[
         float,
         number(
@@ -60,7 +61,7 @@ def build(
     recipe = given.recipe()
     check_events(recipe, recipe.tasks)
     slots = sum(recipe.counts().values())
-    crew = common.crew_of(executor, workers, address, gpus_per_worker, slots)
+    crew = common.crew_of(executor, workers, address, gpus_per_worker, runtime_env, slots)
     if progress not in SHOWN:
         raise common.UsageError(f"--progress {progress!r} is unknown: choose {', '.join(SHOWN)}")
     kind = cast(Kind, "none" if quiet else progress)
@@ -152,6 +153,7 @@ def render(
     workers: common.Workers = None,
     address: common.Address = None,
     gpus_per_worker: common.Gpus = None,
+    runtime_env: common.RuntimeEnv = None,
     quiet: common.Quiet = False,
     as_json: common.AsJson = False,
 ) -> None:
@@ -160,7 +162,7 @@ def render(
     from pipeline.run.render import render as run_render
 
     changes = with_looks(given.values, visuals)
-    crew = common.crew_of(executor, workers, address, gpus_per_worker)
+    crew = common.crew_of(executor, workers, address, gpus_per_worker, runtime_env)
     flags = FLAGS | {"visuals": "--visuals"}
     with common.resumable(out):
         result = run_render(Dataset(dataset), Dataset(out), changes, crew, quiet=quiet, flags=flags)

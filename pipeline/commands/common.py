@@ -13,7 +13,7 @@ import typer
 from pipeline.crew.contract import EXECUTORS, Crew, pick_executor
 from pipeline.crew.signals import Stopped, stop_on_signal
 from pipeline.data.errors import DominoError
-from pipeline.data.parsing import ParseError, show_value
+from pipeline.data.parsing import ParseError, read_mapping, show_value
 from pipeline.data.process.own_code import Finding
 from pipeline.data.reading import printable
 from pipeline.data.store.place import with_urls
@@ -62,6 +62,9 @@ Gpus = Annotated[
         "Each worker's share of a GPU, e.g. 0.25 if four workers share one (docs/cluster.md).",
         show_default="none",
     ),
+]
+RuntimeEnv = Annotated[
+    Path | None, option("A YAML or JSON file: Ray's runtime_env for the processes of --address.")
 ]
 
 
@@ -155,6 +158,7 @@ def crew_of(
     workers: int | None,
     address: str | None,
     gpus: float | None = None,
+    runtime_env: Path | None = None,
     jobs: int | None = None,
 ) -> Crew:
     """The workers that the options select for a number of jobs; an address selects Ray."""
@@ -163,7 +167,8 @@ def crew_of(
     if address is not None and executor == "inline":
         raise UsageError("--executor inline does not use the cluster of --address: leave one out")
     name, count = pick_executor("ray" if address else executor, workers, jobs)
-    return Crew(name, count, address, gpus=gpus or 0.0)
+    environment = read_mapping(runtime_env, "env_vars: {NAME: value}") if runtime_env else {}
+    return Crew(name, count, address, gpus=gpus or 0.0, runtime_env=environment)
 
 
 def print_findings(findings: Mapping[str, Sequence[Finding]], as_json: bool) -> None:

@@ -4,7 +4,7 @@ from collections import Counter
 from collections.abc import Callable, Generator, Hashable, Mapping
 from dataclasses import dataclass, field
 from importlib.util import find_spec
-from typing import Literal
+from typing import Any, Literal
 
 from pipeline.data.errors import DominoError
 from pipeline.data.process.machine import usable_cores
@@ -42,7 +42,7 @@ class Crew:
     `executor` is inline (this process) or ray (`workers` processes, each replaced after `recycle`
     jobs). `address` names a running Ray cluster (host:port); without it, Ray is started here, on
     loopback. `gpus` is each worker's share of a GPU; 0 gives each an equal share if `share_gpus`,
-    else none."""
+    else none. `runtime_env` is Ray's."""
 
     executor: str = "inline"
     workers: int = 1
@@ -50,12 +50,15 @@ class Crew:
     recycle: int = 500
     gpus: float = 0.0
     share_gpus: bool = False
+    runtime_env: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if not (0 <= self.gpus <= 1 or self.gpus == int(self.gpus) > 1):
             raise CrewError(
                 f"{self.gpus:g} GPUs a worker: use a share of one like 0.25, or a whole number"
             )
+        if self.runtime_env and self.address is None:
+            raise CrewError("a runtime environment is for a cluster: name it with --address")
         if self.executor not in EXECUTORS[1:] or self.workers < 1:
             raise CrewError(
                 f"executor {self.executor!r} with {self.workers} workers: use inline or ray and at"

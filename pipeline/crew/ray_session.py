@@ -55,7 +55,7 @@ def session(crew: Crew) -> Iterator[None]:
             if crew.address is None:
                 _start(crew.workers, folder)
             else:
-                _join(crew.address, folder)
+                _join(crew.address, crew.runtime_env, folder)
             yield
         finally:
             with hold_signals():
@@ -82,11 +82,18 @@ def _start(workers: int, folder: str) -> None:
         )
 
 
-def _join(address: str, folder: str) -> None:
+def _join(address: str, runtime_env: Mapping[str, Any], folder: str) -> None:
+    from ray.runtime_env import RuntimeEnv
+
     plugins = {PLUGINS: os.environ[PLUGINS]} if PLUGINS in os.environ else {}
-    options = {"runtime_env": {"env_vars": SINGLE_THREAD | _SEES_GPUS | plugins}}
+    try:
+        given = dict(runtime_env.get("env_vars", {}))
+        variables = SINGLE_THREAD | _SEES_GPUS | plugins | given
+        environment = RuntimeEnv(**(dict(runtime_env) | {"env_vars": variables}))
+    except Exception as error:  # each plugin of Ray has errors of its own
+        raise CrewError(f"--runtime-env: {one_line(error)}") from error
     _check_cluster(address)
-    _init(address, f"no Ray cluster at {address}", options, folder)
+    _init(address, f"no Ray cluster at {address}", {"runtime_env": environment}, folder)
 
 
 def _init(address: str, failed: str, options: Mapping[str, Any], folder: str) -> None:

@@ -425,7 +425,15 @@ CASES = [
     *(
         Case((*words.split(), f"odd/{name}"), name)
         for name in ODD
-        for words in (() if name.endswith(".json") else ("plan --manifest", "puma bench --config"))
+        for words in (
+            ()
+            if name.endswith(".json")
+            else (
+                "plan --manifest",
+                "puma bench --config",
+                "build --out OUT --address 127.0.0.1:1 --runtime-env",
+            )
+        )
     ),
     Case(("build", "--out", "OUT", "--seed", "3"), "--yes"),
     *(

@@ -154,6 +154,14 @@ def test_a_cluster_that_is_not_there_is_one_line():
         assert "\n" not in str(caught.value)
 
 
+@pytest.mark.parametrize("variables", [{"NUMBER": 1}, None, ["a"]])
+def test_a_runtime_environment_that_ray_refuses_is_one_line(variables):
+    crew = Crew("ray", 1, "127.0.0.1:1", runtime_env={"env_vars": variables})
+    with pytest.raises(CrewError, match=r"^--runtime-env: ") as caught, session(crew):
+        raise AssertionError
+    assert "\n" not in str(caught.value)
+
+
 @pytest.mark.usefixtures("ray_session")
 def test_workers_do_every_job_once_and_what_is_appended_too_off_the_main_thread_as_well():
     results = []

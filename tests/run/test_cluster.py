@@ -88,12 +88,15 @@ def test_a_node_that_is_not_like_the_others_is_named(cluster):
         assert "\n" not in str(caught.value)
 
 
-def test_workers_of_a_cluster_run_one_thread_each(cluster):
-    def make() -> Callable[[int], str]:
-        return lambda _: os.environ["OMP_NUM_THREADS"]
+def test_a_runtime_environment_reaches_the_workers(cluster):
+    crew = Crew("ray", 1, cluster.address, runtime_env={"env_vars": {"WANTED": "yes"}})
 
-    ends = run(make, deque([0]), Crew("ray", 1, cluster.address), LONG)
-    assert [end.result for end in ends if isinstance(end, Done)] == ["1"]
+    def make() -> Callable[[int], tuple[str, str]]:
+        return lambda _: (os.environ["WANTED"], os.environ["OMP_NUM_THREADS"])
+
+    assert [end.result for end in run(make, deque([0]), crew, LONG) if isinstance(end, Done)] == [
+        ("yes", "1")
+    ]
 
 
 def test_a_node_that_leaves_is_not_the_fault_of_its_jobs(cluster, tmp_path: Path):
