@@ -89,7 +89,8 @@ def _join(address: str, runtime_env: Mapping[str, Any], folder: str) -> None:
     try:
         given = dict(runtime_env.get("env_vars", {}))
         variables = SINGLE_THREAD | _SEES_GPUS | plugins | given
-        environment = RuntimeEnv(**(dict(runtime_env) | {"env_vars": variables}))
+        environment: dict[str, Any] = dict(runtime_env) | {"env_vars": variables}
+        RuntimeEnv(**environment)
     except Exception as error:  # each plugin of Ray has errors of its own
         raise CrewError(f"--runtime-env: {one_line(error)}") from error
     _check_cluster(address)
