@@ -85,10 +85,15 @@ class ToolPoses:
         self._budget = budget
 
     def joints(
-        self, action: Floats, command: Floats, tools: Floats | None = None
+        self,
+        action: Floats,
+        command: Floats,
+        tools: Floats | None = None,
+        tip: Pose | None = None,
     ) -> tuple[Floats, tuple[str, ...]]:
         """The joint action (A,) nearest to the command (A,), and the sides out of reach. With
-        `tools` (S,7) poses are relative to these. Raises ActionError."""
+        `tools` (S,7) poses are relative to these; they are of what carries its tool at `tip` (7,).
+        Raises ActionError."""
         now, out, missed = self._planner.split(command), list[Floats](), list[str]()
         for i, side in enumerate(now):
             pose, gripper = action[8 * i : 8 * i + 7].copy(), action[8 * i + 7]
@@ -97,6 +102,7 @@ class ToolPoses:
                 raise ActionError(f"the quaternion of the {side} tool is zero")
             pose[3:] /= length
             pose = pose if tools is None else compose(tools[i], pose)
+            pose = pose if tip is None else compose(pose, tip)
             chain, seed = self._planner.chains[side], now[side][0][None]
             q, reached = ik_many(chain, pose[None], seed, self._budget)
             if not reached[0]:

@@ -72,16 +72,10 @@ class RobotwinRobot:
             return check_action(action, len(command))
         if kind not in ("ee", "delta_ee"):
             raise ActionError(f"action_type {kind!r} is unknown: choose qpos, ee or delta_ee")
-        tools = self.tool_poses(measured)
-        values = check_action(action, 8 * len(tools)).copy()
-        for i, (side, (tool, _)) in enumerate(tools.items()):
-            part = slice(8 * i, 8 * i + 7)
-            if np.linalg.norm(values[part][3:]) < 1e-6:
-                raise ActionError(f"the quaternion of the {side} tool is zero")
-            given = pose(values[part][:3], values[part][3:])
-            given = compose(tool, given) if kind == "delta_ee" else given
-            values[part] = compose(given, _TO_TCP)
-        return self._tools.joints(values, command)[0]
+        tools = np.stack([tool for tool, _ in self.tool_poses(measured).values()])
+        relative_to = tools if kind == "delta_ee" else None
+        values = check_action(action, 8 * len(tools))
+        return self._tools.joints(values, command, relative_to, _TO_TCP)[0]
 
 
 class TaskEnv:

@@ -53,7 +53,7 @@ ALL = "all tasks"
 MOST_SCENES = 12  # whose films stand beside each other
 
 
-BoardLine = namedtuple("BoardLine", "head task scores sees_truth own_process")
+BoardLine = namedtuple("BoardLine", "head task scores")
 """A policy at one level in one domain, over all tasks or on one; `scores` by clock."""
 
 Board = namedtuple("Board", "lines clocks levels domains tasks")
@@ -66,13 +66,7 @@ def board(rows: Sequence[Row]) -> Board:
     for cell in (*summarise(rows), *means):
         groups[(*(cell[key] for key in LINE), cell.get("task", ALL))][cell["clock"]] = cell
     lines = [
-        BoardLine(
-            dict(zip(LINE, key, strict=False)),
-            key[-1],
-            scores,
-            any(score["sees_truth"] for score in scores.values()),
-            not any("evaluator" in score["process"] for score in scores.values()),
-        )
+        BoardLine(dict(zip(LINE, key, strict=False)), key[-1], scores)
         for key, scores in groups.items()
     ]
     lines.sort(key=lambda line: -max(score["success_rate"] for score in line.scores.values()))
