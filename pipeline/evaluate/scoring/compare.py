@@ -44,29 +44,25 @@ def _group(rows: Sequence[Row], key: Callable[[Row], Any]) -> dict[Any, list[Row
 def event_arms(runs: Sequence[str]) -> list[tuple[ComparedPolicy, ComparedPolicy]]:
     """Each policy of paired evaluations without and with events, by clock and rules. Raises
     CompareError."""
-    found, out = list[dict[str, Any]](), list[tuple[ComparedPolicy, ComparedPolicy]]()
-    plain = list[str]()
+    found = list[tuple[tuple[str, ...], ComparedPolicy]]()
+    out, plain = list[tuple[ComparedPolicy, ComparedPolicy]](), list[str]()
     for run in runs:
-        before = len(found) + len(out)
-        for arm in _arms([run]):
+        arms, before = _arms([run]), len(found) + len(out)
+        for arm in arms:
             out += _conditions(arm)
             paired = [row for row in arm.rows if isinstance(row.get("control"), dict)]
             for (clock, rules), rows in _group(paired, lambda r: (r["clock"], r["rules"])).items():
-                words = {"name": arm.name, "clock": clock, "rules": rules, "run": run}
-                found.append(words | {"arm": replace(arm, rows=tuple(rows))})
+                found.append(((arm.name, clock, rules, run), replace(arm, rows=tuple(rows))))
         plain += [run] if len(found) + len(out) == before else []
     if plain and (found or out):
         raise CompareError(f"{plain[0]}: has neither pairs nor conditions: compare it apart")
-    check_one_benchmark([row for one in found for row in one["arm"].rows])
-    for key in ("clock", "rules", "run"):
-        for alike in _group(found, lambda one: one["name"]).values():
-            if len({one[key] for one in alike}) > 1:
-                for one in alike:
-                    one["name"] += f", {one[key]}"
-    for name, arm in ((one["name"], one["arm"]) for one in found):
+    check_one_benchmark([row for _, arm in found for row in arm.rows])
+    for words, arm in found:
+        alike = [others for others, _ in found if others[0] == words[0]]
+        differing = [word for word, *each in zip(words, *alike, strict=True) if len({*each}) > 1]
+        name = ", ".join((arm.name, *differing))
         calm = tuple(row | row["control"] for row in arm.rows)
-        without = ComparedPolicy(f"{name}, no events", calm, arm.networks)
-        out.append((without, replace(arm, name=name)))
+        out.append((replace(arm, name=f"{name}, no events", rows=calm), replace(arm, name=name)))
     return out
 
 

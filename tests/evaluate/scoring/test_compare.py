@@ -200,7 +200,9 @@ def test_a_paired_run_has_a_row_for_each_clock_and_each_run_a_name(tmp_path):
     runs = [write(tmp_path / name, "p", [0, 1], control=CALM, rules=name[0]) for name in ("b", "c")]
     runs.append(write(tmp_path / "bb", "p", [0, 0], control=CALM, rules="b"))
     told = json.loads(CliRunner().invoke(app, ["compare", *runs, "--json"]).output)["events"]
-    assert [r["second"] for r in told] == [f"p, b, {runs[0]}", "p, c", f"p, b, {runs[2]}"]
+    assert [r["second"] for r in told] == [
+        f"p, {rules}, {run}" for rules, run in zip("bcb", runs, strict=True)
+    ]
 
 
 def test_a_paired_run_is_also_compared_scene_after_scene(tmp_path):
