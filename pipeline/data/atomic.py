@@ -69,6 +69,24 @@ def write_atomic(path: Path, data: bytes) -> None:
         temporary.write_bytes(data)
 
 
+def link(path: Path, to: Path) -> None:
+    """Make `to` a hard link of `path`, or an atomic copy with its time. Raises OSError."""
+    if to.exists() and (os.path.samefile(path, to) or file_state(path) == file_state(to)):
+        return
+    with atomic_path(to) as temporary:
+        temporary.unlink(missing_ok=True)
+        try:
+            os.link(path, temporary)
+        except OSError:  # another file system, or one without hard links
+            shutil.copy2(path, temporary)
+
+
+def file_state(path: Path) -> tuple[int, int]:
+    """Length (bytes) and time of change (ns) of a file."""
+    state = path.stat()
+    return state.st_size, state.st_mtime_ns
+
+
 def remove(path: Path) -> None:
     """Remove a file, a link, or a directory with all that it holds, if it is there."""
     if path.is_dir() and not path.is_symlink():

@@ -7,8 +7,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
+from numpy.typing import NDArray
 
 from .atomic import atomic_path, write_atomic
 from .errors import DominoError, describe_error
@@ -133,7 +135,11 @@ class Dataset(Paths):
     def present(self, recipe: Recipe, *more: str) -> Rows:
         """As `rows`, if the file is there."""
         rows = self.rows(recipe, *more)
-        return rows.where(Listing(self.episodes, recipe).there(rows))
+        return rows.where(self.there(recipe, rows))
+
+    def there(self, recipe: Recipe, rows: Rows) -> NDArray[np.bool_]:
+        """Of which rows (N,) the file is there."""
+        return Listing(self.episodes, recipe).there(rows)
 
     def record(self, recipe: Recipe, slot: Slot) -> SlotRecord | None:
         """What is known of a slot, None if it is not finished."""
@@ -152,8 +158,8 @@ class Dataset(Paths):
     def missing(self, recipe: Recipe) -> list[Path]:
         """Files of accepted episodes that are not there, in the recipe's order."""
         rows = self.rows(recipe)
-        there = Listing(self.episodes, recipe).there(rows)
-        return [self.episode(slot) for slot in rows.where(rows.accepted & ~there).slots]
+        gone = ~self.there(recipe, rows)
+        return [self.episode(slot) for slot in rows.where(rows.accepted & gone).slots]
 
     def made_by(self) -> dict[str, Any]:
         """Content of provenance.json, {} without it. Raises DatasetError."""

@@ -1,13 +1,12 @@
 """Episodes of several datasets, or at another rate, in a directory for an export."""
 
-import os
-import shutil
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
+from pipeline.data.atomic import link
 from pipeline.data.dataset import Dataset
 from pipeline.data.episode.file import EpisodeFile
 from pipeline.data.episode.frames import encode_frames
@@ -76,20 +75,12 @@ def join(sources: Sequence[DatasetPart], root: Path, fps: int | None) -> dict[Pa
         folder = root / name if len(sources) > 1 else root
         for path in source.episodes:
             place = folder / path.relative_to(source.dataset.root)
-            place.parent.mkdir(parents=True, exist_ok=True)
             if fps is None:
-                _link(path, place)
+                link(path, place)
             else:
                 _resample(source.dataset, path, place, fps)
             made[place] = path
     return made
-
-
-def _link(path: Path, place: Path) -> None:
-    try:
-        os.link(path, place)
-    except OSError:
-        shutil.copy2(path, place)
 
 
 def _resample(dataset: Dataset, path: Path, place: Path, fps: int) -> None:
@@ -103,7 +94,7 @@ def _resample(dataset: Dataset, path: Path, place: Path, fps: int) -> None:
         episode, images = file.read(), stored_images(file)
     meta, drawing = episode.meta, episode.meta.drawing
     if meta.fps == fps:
-        return _link(path, place)
+        return link(path, place)
     try:
         at = frames_at(len(episode.log), meta.fps, fps)
     except ValueError as error:

@@ -17,7 +17,6 @@ from pipeline.data.episode.meta import NamedCamera
 from pipeline.data.errors import DominoError
 from pipeline.data.recipe.growth import differences
 from pipeline.data.recipe.model import Cell, Recipe, Slot
-from pipeline.data.slots.files import Listing
 from pipeline.planning.warm import warm_up
 from pipeline.tasks import TASKS
 from pipeline.world.drawing.renderer import device_of
@@ -182,7 +181,7 @@ def plan(
                 f" {'; '.join(changed)}"
             )
         rows = dataset.rows(recipe)
-        there = Listing(dataset.episodes, recipe).there(rows)
+        there = dataset.there(recipe, rows)
         redo = redone(recipe, rows.where(there), there[there])
         done = Counter(slot.cell for slot in rows.where(there).slots)
     cost = cost or cost_of(dataset, recipe)

@@ -13,7 +13,7 @@ from pipeline.data.dataset import Dataset
 from pipeline.data.intact import kept_failures, pairs_in
 from pipeline.data.recipe.model import Recipe, Slot
 from pipeline.data.slots.assets import AssetStore
-from pipeline.data.slots.files import Listing, Rows
+from pipeline.data.slots.files import Rows
 from pipeline.data.slots.records import unpack_keys
 from pipeline.data.slots.reread import IndexWriter
 from pipeline.data.store.place import is_there
@@ -81,7 +81,7 @@ def _with_file(state: SlotState, there: bool) -> SlotState:
 
 
 def _states(dataset: Dataset, recipe: Recipe, rows: Rows) -> dict[Slot, SlotState]:
-    there = Listing(dataset.episodes, recipe).there(rows)
+    there = dataset.there(recipe, rows)
     cases, of = judge_keys(recipe, rows)
     each = zip(rows.slots, of.tolist(), there.tolist(), strict=True)
     return {slot: _with_file(cases[case], here) for slot, case, here in each}
@@ -152,7 +152,7 @@ def status(dataset: Dataset) -> dict[str, Any]:
     """
     recipe = installed_recipe(dataset)
     rows = dataset.rows(recipe)
-    listed = Listing(dataset.episodes, recipe).there(rows)
+    listed = dataset.there(recipe, rows)
     redo, there = redone(recipe, rows, listed), rows.where(listed)
     of, tried = dataset.ask(
         lambda index: index.attempts(there, "stage", "reason", "detail", "conditions")

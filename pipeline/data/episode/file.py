@@ -106,7 +106,8 @@ class EpisodeFile(AbstractContextManager["EpisodeFile"]):
             raise EpisodeError(f"{self.path}: {key} holds values that are not finite")
         return values
 
-    def _optional(self, key: str) -> NDArray[Any] | None:
+    def optional(self, key: str) -> NDArray[Any] | None:
+        """A whole dataset, None if there is none of that name."""
         return self.array(key) if self.has(key) else None
 
     def _check(self, key: str) -> Any:
@@ -195,7 +196,7 @@ class EpisodeFile(AbstractContextManager["EpisodeFile"]):
     def attempts(self) -> list[dict[str, Any]] | None:
         """The attempts at the episode's slot, itself the last; None in files of version 0.1."""
         with self._reading(f"{ATTEMPTS} is no list of attempts"):
-            rows = self._optional(ATTEMPTS)
+            rows = self.optional(ATTEMPTS)
             return None if rows is None else [dict(row) for row in parse_json(rows.item())]
 
     def _touches(self) -> list[Touch]:
@@ -255,9 +256,9 @@ class EpisodeFile(AbstractContextManager["EpisodeFile"]):
                 events=[Event(**each) for each in json.loads(self.array("events").item())],
                 skills=[SkillRun(**(run | {"arms": tuple(run["arms"])})) for run in runs],
                 touches=self._touches(),
-                target_angular_velocity=self._optional("target/angular_velocity"),
-                intervention=self._optional("intervention"),
-                expert_action=self._optional("expert_action"),
+                target_angular_velocity=self.optional("target/angular_velocity"),
+                intervention=self.optional("intervention"),
+                expert_action=self.optional("expert_action"),
             )
             stored = [s for s in SPLITS if s in ("seen", "unseen") or self.has(f"instruction/{s}")]
             split = {s: self.instructions(s) for s in stored}

@@ -16,7 +16,7 @@ from pathlib import Path
 from tempfile import mkdtemp
 from urllib.parse import quote, unquote
 
-from pipeline.data.atomic import remove, temporary_name
+from pipeline.data.atomic import file_state, remove, temporary_name
 from pipeline.data.names import MANIFEST
 from pipeline.data.process.machine import CACHE, user_cache
 
@@ -86,12 +86,12 @@ class Place:
             os.replace(temporary, path)
         finally:
             temporary.unlink(missing_ok=True)
-        self._same[self.name(path)] = _state(path)
+        self._same[self.name(path)] = file_state(path)
         return True
 
     def has(self, path: Path) -> bool:
         """Whether the store has the file as it is here."""
-        return path.exists() and self._same.get(self.name(path)) == _state(path)
+        return path.exists() and self._same.get(self.name(path)) == file_state(path)
 
     def put(self, paths: Iterable[Path]) -> None:
         """Put files that the store does not have from here, those that name others last."""
@@ -101,7 +101,7 @@ class Place:
         _on_threads(self._put, last)
 
     def _put(self, path: Path) -> None:
-        state = _state(path)
+        state = file_state(path)
         self.store.put(path, self.name(path))
         self._same[self.name(path)] = state
         self.note(path, state[0])
@@ -203,11 +203,6 @@ def replace_directory(folder: Path) -> Iterator[None]:
 def _on_threads(work: Callable[[Path], object], paths: Iterable[Path]) -> None:
     with ThreadPoolExecutor(_THREADS) as threads:
         list(threads.map(work, paths))
-
-
-def _state(path: Path) -> tuple[int, int]:
-    state = path.stat()
-    return state.st_size, state.st_mtime_ns
 
 
 def with_urls(text: str) -> str:

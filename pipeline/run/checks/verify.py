@@ -3,7 +3,7 @@
 import os
 import re
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import closing, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -28,8 +28,9 @@ from .regenerate import is_image, other_device, regenerate
 
 # what one file, or all attempts at a slot, may take before the worker counts as hung
 SECONDS = 3600.0
-CHECKED = r"(episodes|failures|annotations|assets/bodies|exports)/.*|(attempts|provenance)\.\w+"
-PASSING = (".tmp", ".running")  # files that come and go while a build runs
+CHECKED = r"""(?x) (attempts|provenance)\.\w+ | exports/[^.].* |
+(episodes|failures|annotations|assets/bodies) / .* (?<!\.tmp) (?<!\.running)"""
+"""Names of files but those that come and go while a build runs."""
 OF_RECIPE = {"slot", "recipe"}  # parts of keys that no other version of the code changes
 
 
@@ -53,7 +54,7 @@ def verify(
         check_trust(dataset.recipe().corrections, str(dataset.root))
     crew, root = crew or Crew(), str(dataset.root.resolve())
     if episode is None:
-        paths = list(_files_of(dataset))
+        paths = _files_of(dataset)
         known = _compare(dataset, set(paths))
     else:
         again = 1
@@ -100,23 +101,13 @@ def verify(
     }
 
 
-def _files_of(dataset: Dataset) -> Iterator[str]:
+def _files_of(dataset: Dataset) -> list[str]:
     """Checkable files of a dataset, and export directories."""
-    root, exports = dataset.root, dataset.root / "exports"
-    if place := place_of(root):
-        names = (place.name(path) for path in place.files(CHECKED))
-        yield from sorted({re.sub("^(exports/[^/]+)/.*", r"\1", name) for name in names})
-        return
-    for folder in ("episodes", "failures", "annotations", "assets/bodies"):
-        for path in sorted((root / folder).rglob("*")):
-            if path.suffix not in PASSING and (path.is_symlink() or not path.is_dir()):
-                yield path.relative_to(root).as_posix()
-    for path in sorted(exports.iterdir()) if exports.is_dir() else []:
-        if not path.name.startswith("."):
-            yield f"exports/{path.name}"
-    for path in (dataset.attempts, dataset.provenance):
-        if os.path.lexists(path):
-            yield path.name
+    root, place = dataset.root, place_of(dataset.root)
+    here = (path for path in root.rglob("*") if path.is_symlink() or not path.is_dir())
+    names = (path.relative_to(root).as_posix() for path in (place.files(".*") if place else here))
+    checked = (name for name in names if re.fullmatch(CHECKED, name))
+    return sorted({re.sub("^(exports/[^/]+)/.*", r"\1", name) for name in checked})
 
 
 @dataclass

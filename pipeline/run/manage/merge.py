@@ -1,7 +1,5 @@
 """`domino-data merge A B --out C`."""
 
-import os
-import shutil
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.annotate.overlays import annotation_sheet
-from pipeline.data.atomic import atomic_path, exclusive, write_atomic
+from pipeline.data.atomic import exclusive, file_state, link, write_atomic
 from pipeline.data.dataset import Dataset, DatasetError
 from pipeline.data.intact import CHANGED, is_intact
 from pipeline.data.keys import seal
@@ -73,7 +71,7 @@ def merge(sources: Sequence[Dataset], out: Dataset) -> Merged:
         for source in sources:
             for path in sorted(source.assets.rglob("*")):
                 if path.is_file() and not path.name.endswith(".tmp"):
-                    _link(path, out.assets / path.relative_to(source.assets))
+                    link(path, out.assets / path.relative_to(source.assets))
             _take_annotations(source, out)
         out.write_attempts(recipe)
         made = [source.made_by() for source in sources]
@@ -150,11 +148,11 @@ def _check_keys(sources: Sequence[Dataset], held: Sequence[dict[Slot, SlotRecord
 def _take(source: Dataset, out: Dataset, slot: Slot, record: SlotRecord) -> None:
     for row in record.attempts:
         if row.get("kept"):
-            _link(source.failure(slot, row["attempt"]), out.failure(slot, row["attempt"]))
+            link(source.failure(slot, row["attempt"]), out.failure(slot, row["attempt"]))
     path, known = source.file(slot, record.accepted), (record.file.size, record.file.changed)
-    if _state(path) != known and not is_intact(path, record.sha256):
+    if file_state(path) != known and not is_intact(path, record.sha256):
         raise DatasetError(f"{path}: {CHANGED}")
-    _link(path, out.file(slot, record.accepted))
+    link(path, out.file(slot, record.accepted))
 
 
 def _take_annotations(source: Dataset, out: Dataset) -> None:
@@ -164,21 +162,4 @@ def _take_annotations(source: Dataset, out: Dataset) -> None:
             episode = out.episodes / name.with_suffix(".hdf5")
             wanted = name.name == "stage.json" or (path.suffix == ".h5" and episode.exists())
             if path.is_file() and wanted:
-                _link(path, out.root / "annotations" / stage.name / name)
-
-
-def _link(path: Path, to: Path) -> None:
-    """Make `to` a hard link of `path`, or an atomic copy with its time."""
-    if to.exists() and (os.path.samefile(path, to) or _state(path) == _state(to)):
-        return
-    with atomic_path(to) as temporary:
-        temporary.unlink(missing_ok=True)
-        try:
-            os.link(path, temporary)
-        except OSError:  # another file system, or one without hard links
-            shutil.copy2(path, temporary)
-
-
-def _state(path: Path) -> tuple[int, int]:
-    state = path.stat()
-    return state.st_size, state.st_mtime_ns
+                link(path, out.root / "annotations" / stage.name / name)

@@ -137,22 +137,16 @@ def images_of(
 
 def stored_images(file: EpisodeFile) -> Images:
     """The images of an episode file as they are, frames still encoded."""
-
-    def optional(key: str) -> NDArray[Any] | None:
-        return file.array(key) if file.has(key) else None
-
     views, coded = list[View](), list[NDArray[Any]]()
     for name, info in file.meta.drawing.cameras.items():
         group = f"observation/{name}"
-        poses, none = (
-            file.array(f"{group}/pose"),
-            np.empty((0, info.height, info.width, 3), np.uint8),
-        )
-        depth, mask = optional(f"{group}/depth"), optional(f"{group}/actor_segmentation")
+        poses = file.array(f"{group}/pose")
+        none = np.empty((0, info.height, info.width, 3), np.uint8)
+        depth, mask = file.optional(f"{group}/depth"), file.optional(f"{group}/actor_segmentation")
         views.append(View(info.camera(name), poses, none, depth, mask))
         coded.append(file.array(f"{group}/rgb"))
     tracks = {key: values for key, values in file.interception().items() if key.startswith(TRACKS)}
-    return Images(file.meta.drawing, views, coded, optional("pointcloud"), tracks)
+    return Images(file.meta.drawing, views, coded, file.optional("pointcloud"), tracks)
 
 
 def write(path: Path, episode: Episode, images: Images) -> tuple[str, FileFacts]:
