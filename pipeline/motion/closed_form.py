@@ -20,12 +20,10 @@ from .contract import (
     Level,
     MotionRequest,
     NoMotion,
-    SpeedBound,
     Streams,
     TargetMotion,
-    Verdict,
-    bounded,
-    derived,
+    keeps_alpha,
+    twist_fault,
 )
 from .pace import LEVELS, Pace
 from .scenery import Prop
@@ -156,14 +154,6 @@ class ClosedFormModel[M: ClosedForm]:
     def stand(self, asked: MotionRequest, streams: Streams) -> M:
         return next(self.candidates(replace(asked, level=0, alpha=0.0), streams))
 
-    def judge(self, motion: TargetMotion, speed_bound: SpeedBound) -> Iterator[Verdict]:
-        yield bounded(motion, speed_bound)
-        yield derived(motion)
-
-    def describe(self, motion: TargetMotion) -> str:
-        speed = f"{motion.features().average_speed:.3f} m/s"
-        return f"{self.name}: {self.levels[motion.level].text}, {speed}"
-
     def read(self, values: Mapping[str, Any]) -> M:
         fields = {key: value for key, value in values.items() if key != "model"}
         return TypeAdapter(self._motion).validate_python(fields)
@@ -177,9 +167,8 @@ def first_that_fits[M: TargetMotion](asked: MotionRequest, candidates: Iterable[
         last, poses = motion, motion.pose(times)
         reason = _refusal(asked, motion, poses)
         if not reason:
-            if not (verdict := derived(motion)).holds:
-                fix = f"{verdict.problem}; correct its slope or rates"
-                raise MotionError(f"motion {motion.model!r}: {fix}")
+            if fault := twist_fault(motion):
+                raise MotionError(f"motion {motion.model!r}: {fault}; correct its slope or rates")
             return motion
         refused[reason] += 1
     raise NoMotion(asked, refused, last.features() if last else None)
@@ -188,7 +177,7 @@ def first_that_fits[M: TargetMotion](asked: MotionRequest, candidates: Iterable[
 def _refusal(asked: MotionRequest, motion: TargetMotion, poses: Floats) -> str:
     if not asked.workspace.contains(poses[:, :3]).all():
         return "workspace"
-    if not bounded(motion, asked.speed_bound).holds:
+    if not keeps_alpha(motion, asked.speed_bound):
         return "speed"
     if asked.end_speed_limit is not None and motion.features().end_speed > asked.end_speed_limit:
         return "end_speed"

@@ -1,6 +1,6 @@
 """What a target's motion is, and what a model of motions is."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any, Literal, Protocol
@@ -152,15 +152,6 @@ def described(*texts: str) -> Mapping[int, Level]:
     return MappingProxyType(dict(enumerate(map(Level, texts, colours), 1)))
 
 
-@dataclass(frozen=True)
-class Verdict:
-    """One property of a stored motion, and what is wrong otherwise."""
-
-    name: str
-    holds: bool
-    problem: str
-
-
 class MotionModel(Protocol):
     """A family of motions, by level but 0. `version` rises when `draw` returns something else."""
 
@@ -179,34 +170,27 @@ class MotionModel(Protocol):
         """Level 0: the target at the end pose all the time, among the scenery of the model."""
         ...
 
-    def judge(self, motion: TargetMotion, speed_bound: SpeedBound) -> Iterator[Verdict]:
-        """What must hold of a stored motion of this model."""
-        ...
-
-    def describe(self, motion: TargetMotion) -> str:
-        """One line for people."""
-        ...
-
     def read(self, values: Mapping[str, Any]) -> TargetMotion:
         """The motion of the values that `to_json` wrote. Raises ValueError."""
         ...
 
 
-def derived(motion: TargetMotion) -> Verdict:
-    """Whether velocity is the derivative of position: the median error at 41 times."""
+def twist_fault(motion: TargetMotion) -> str:
+    """How far velocity is from the derivative of position, by the median error at 41 times; "" if
+    it is the derivative."""
     start, h = float(-motion.lead), 1e-4
     times = np.linspace(start + 2 * h, float(motion.duration) - 2 * h, 41)
     moved = (motion.pose(times + h) - motion.pose(times - h))[:, :3] / (2 * h)
     stated = motion.twist(times)[:, :3]
     off = float(np.median(np.linalg.norm(moved - stated, axis=1)))
     fast = float(np.median(np.linalg.norm(moved, axis=1)))
-    wrong = f"its twist is not the derivative of its pose: {off:.4f} m/s off at {fast:.4f} m/s"
-    return Verdict("velocity", off <= 1e-3 + 0.01 * fast, wrong)
+    if off <= 1e-3 + 0.01 * fast:
+        return ""
+    return f"its twist is not the derivative of its pose: {off:.4f} m/s off at {fast:.4f} m/s"
 
 
-def bounded(motion: TargetMotion, speed_bound: SpeedBound) -> Verdict:
+def keeps_alpha(motion: TargetMotion, speed_bound: SpeedBound) -> bool:
     """Whether a motion moves and keeps its bound alpha."""
     features = motion.features()
     speed = features.average_speed if speed_bound == "average" else features.maximum_speed
-    over = f"{speed:.4f} m/s is over alpha {motion.alpha:g}"
-    return Verdict("speed", 0 < speed <= motion.alpha * (1 + UNSURE), over)
+    return 0 < speed <= motion.alpha * (1 + UNSURE)

@@ -203,11 +203,6 @@ class PlanarMotion:
     def breakpoints(self) -> Floats:
         return np.array([s.start for s in self.segments[1:]])
 
-    def velocity_jumps(self) -> Floats:
-        """Size (k,) in m/s of the change of velocity at each breakpoint."""
-        slopes = self._table[3]
-        return np.linalg.norm(evaluate(slopes[:-1], 1.0) - evaluate(slopes[1:], 0.0), axis=-1)
-
     def average_speed(self) -> float:
         """Arc length over [-lead, duration] divided by its time, m/s."""
         return sum(arc_length(s.coefficients) for s in self.segments) / (self.duration + self.lead)

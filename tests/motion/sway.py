@@ -2,7 +2,7 @@
 turns."""
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from types import MappingProxyType
 from typing import Any
@@ -17,11 +17,7 @@ from pipeline.motion.contract import (
     Level,
     MotionRequest,
     NoMotion,
-    SpeedBound,
     Streams,
-    TargetMotion,
-    Verdict,
-    bounded,
 )
 from pipeline.poses import compose, yawed
 
@@ -116,12 +112,6 @@ class SwayModel:
             0.0,
             0.0,
         )
-
-    def judge(self, motion: TargetMotion, speed_bound: SpeedBound) -> Iterator[Verdict]:
-        yield bounded(motion, "maximum")
-
-    def describe(self, motion: TargetMotion) -> str:
-        return f"swaying at {motion.features().maximum_speed:.2f} m/s"
 
     def read(self, values: Mapping[str, Any]) -> Sway:
         given = {key: value for key, value in values.items() if key != "model"}

@@ -12,7 +12,8 @@ from pipeline.data.episode.file import EpisodeFile
 from pipeline.data.episode.state_log import physics_id
 from pipeline.data.setup.rules import rules_of
 from pipeline.data.slots.assets import AssetStore
-from pipeline.motion.models import MODELS, motion_from_json
+from pipeline.motion.contract import keeps_alpha, twist_fault
+from pipeline.motion.models import motion_from_json
 from pipeline.motion.recorded import TRACKS, Interception, conditions_of, physics_arrays
 from pipeline.poses import compose
 from pipeline.run.slot.make import sentences
@@ -72,7 +73,7 @@ def test_the_target_is_on_its_motion_until_it_is_released(made):
 def test_the_motion_is_of_its_level_and_no_faster_than_alpha(made):
     motion, spec, meta = made.motion, made.e.spec, made.e.meta
     assert (motion.level, motion.alpha) == (spec.level, spec.alpha)
-    assert all(verdict.holds for verdict in MODELS[motion.model].judge(motion, "average"))
+    assert keeps_alpha(motion, "average") and not twist_fault(motion)
     found = motion.features()
     assert (meta.average_speed, meta.maximum_speed) == pytest.approx(
         (found.average_speed, found.maximum_speed), abs=1e-6

@@ -1,7 +1,7 @@
 """The paper's motions, in x and y at constant height and orientation."""
 
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -13,11 +13,7 @@ from pipeline.poses import Floats
 from ..contract import (
     MotionRequest,
     NoMotion,
-    SpeedBound,
     Streams,
-    TargetMotion,
-    Verdict,
-    bounded,
     described,
 )
 from ..planar import PlanarMotion, Segment, derivative, evaluate, quadrature
@@ -207,19 +203,6 @@ class Planar:
 
     def stand(self, asked: MotionRequest, streams: Streams) -> PlanarMotion:
         return PlanarMotion.still(asked.end_pose, asked.duration, asked.lead)
-
-    def judge(self, motion: TargetMotion, speed_bound: SpeedBound) -> Iterator[Verdict]:
-        # a constant velocity has one speed, so that both bounds are the stricter one
-        yield bounded(motion, speed_bound if motion.level > 1 else "maximum")
-        if motion.level == 3 and isinstance(motion, PlanarMotion):
-            jumps = np.atleast_1d(motion.velocity_jumps())
-            abrupt = bool(len(jumps)) and float(jumps.max()) > 0
-            yield Verdict("abrupt", abrupt, "a level-3 target never changes velocity abruptly")
-
-    def describe(self, motion: TargetMotion) -> str:
-        pieces = len(motion.breakpoints()) + 1
-        text = f"{self.levels[motion.level].text}, {motion.features().average_speed:.3f} m/s"
-        return f"{text}, {pieces} pieces" if pieces > 1 else text
 
     def read(self, values: Mapping[str, Any]) -> PlanarMotion:
         return PlanarMotion.from_values(values)
