@@ -23,6 +23,7 @@ from pipeline.world.physics.body import TABLE_TOP, Body
 
 from .language.sentences import has_templates, read_templates
 from .outcome import Outcome
+from .outcome import within as within  # what a task file needs, beside the skills, is here
 
 INTERCEPTION: Final = "interception"
 TRACKING: Final = "tracking"
@@ -108,9 +109,13 @@ class Draw:
 
     def place(self, name: str, *families: str, x: Span, y: Span, **more: Any) -> Placement:
         """A body of one of `families`, or of that of its name, in the region `x`, `y` (m); `more`
-        are fields of Region and Placement."""
-        region = {key: more.pop(key) for key in Region.__dataclass_fields__.keys() & more.keys()}
-        return Placement(name, self.one_of(*families or (name,)), Region(x, y, **region), **more)
+        are fields of Region and Placement, and parameters of the family that are not drawn."""
+        region, placed = (
+            {key: more.pop(key) for key in kind.__dataclass_fields__.keys() & more.keys()}
+            for kind in (Region, Placement)
+        )
+        body = self.one_of(*families or (name,), **more)
+        return Placement(name, body, Region(x, y, **region), **placed)
 
     def side(self) -> int:
         """-1 (left half of the table) or +1 (right half)."""

@@ -1,10 +1,19 @@
 import numpy as np
 
-from pipeline.expert.actor import Actor, Skills
 from pipeline.expert.skills import ROUND, grasp, in_turn, lift, pause, pour, upright_goal
 from pipeline.poses import Floats, compose, inverse, pose, quat_about, quat_multiply, transform
-from pipeline.tasks.contract import ANY_YAW, Bodies, Draw, Limit, Task, by_name, register
-from pipeline.tasks.outcome import Outcome
+from pipeline.tasks.contract import (
+    ANY_YAW,
+    Actor,
+    Bodies,
+    Draw,
+    Limit,
+    Outcome,
+    Skills,
+    Task,
+    by_name,
+    register,
+)
 
 BALLS = ((0.011, 0.0), (-0.011, 0.0))  # where the balls lie in the cup, x and y in its frame (m)
 

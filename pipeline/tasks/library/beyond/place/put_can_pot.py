@@ -1,4 +1,3 @@
-from pipeline.expert.actor import Actor, Skills
 from pipeline.expert.scripts import let_go
 from pipeline.expert.skills import (
     ROUND,
@@ -13,8 +12,19 @@ from pipeline.expert.skills import (
     track,
 )
 from pipeline.poses import lifted
-from pipeline.tasks.contract import ANY_YAW, Bodies, Draw, Limit, Task, by_name, register
-from pipeline.tasks.outcome import Outcome, within
+from pipeline.tasks.contract import (
+    ANY_YAW,
+    Actor,
+    Bodies,
+    Draw,
+    Limit,
+    Outcome,
+    Skills,
+    Task,
+    by_name,
+    register,
+    within,
+)
 
 
 @register

@@ -1,24 +1,25 @@
 from collections.abc import Sequence
 
-from pipeline.expert.actor import Actor, Skills
 from pipeline.expert.regrasping import place_or_regrasp
 from pipeline.expert.scripts import let_go
 from pipeline.expert.skills import ROUND, grasp, resting_poses, shift
-from pipeline.motion.workspace import Workspace
 from pipeline.poses import Pose
 from pipeline.tasks.contract import (
     ANY_YAW,
+    TABLE_TOP,
+    Actor,
     Bodies,
     Draw,
     Limit,
+    Outcome,
     Placement,
-    Region,
+    Skills,
+    Workspace,
     by_name,
     register,
+    within,
 )
 from pipeline.tasks.library.beyond.take.pick_from_belt import PickFromBelt
-from pipeline.tasks.outcome import Outcome, within
-from pipeline.world.physics.body import TABLE_TOP
 
 
 class StandOn(PickFromBelt):
@@ -34,9 +35,10 @@ class StandOn(PickFromBelt):
         self, draw: Draw, side: int, y: float = 0.0, half: float = 0.05, **apart: float
     ) -> Placement:
         """A pad on a side of the table, up to `y`, at distances (m) from bodies by name."""
-        pad = draw.one_of("pad", half=(half, half), thickness=0.004)
-        region = Region(x=(side * 0.24, side * 0.30), y=(-0.20, y))
-        return Placement("pad", pad, region, distances=apart)
+        size = {"half": (half, half), "thickness": 0.004}
+        return draw.place(
+            "pad", x=(side * 0.24, side * 0.30), y=(-0.20, y), distances=apart, **size
+        )
 
     def _onto(self, a: Actor) -> Pose:
         return a.frame(self.support, "centre")

@@ -1,7 +1,6 @@
-from pipeline.expert.actor import Actor, Skill
+from pipeline.expert.actor import Skill
 from pipeline.expert.skills import track
-from pipeline.motion.workspace import Workspace
-from pipeline.tasks.contract import register
+from pipeline.tasks.contract import Actor, Workspace, register
 from pipeline.tasks.library.domino.press.click_bell import ClickBell
 from pipeline.tasks.library.domino.press.press_stapler import PressStapler
 

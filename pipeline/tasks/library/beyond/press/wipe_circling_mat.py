@@ -1,20 +1,19 @@
 import numpy as np
 
-from pipeline.expert.actor import Actor, Skills
 from pipeline.expert.skills import ROUND, first_of, grasp, lift, place, resting_poses, shift, track
 from pipeline.poses import inverse, transform
 from pipeline.tasks.contract import (
+    Actor,
     Bodies,
     Draw,
     Limit,
-    Placement,
-    Region,
+    Outcome,
+    Skills,
     Task,
     by_name,
     register,
     sign_of,
 )
-from pipeline.tasks.outcome import Outcome
 
 STROKE = 0.08  # m
 
@@ -34,9 +33,8 @@ class WipeCirclingMat(Task):
         yield draw.place(
             "block", "wooden_block", x=(side * 0.26, side * 0.32), y=(-0.20, 0.0), yaw=(-0.7, 0.7)
         )
-        mat = draw.one_of("mat", half=(0.10, 0.08))
-        where = Region(x=(side * 0.02, side * 0.10), y=(-0.18, 0.0))
-        yield Placement("mat", mat, where, distances={"block": 0.18})
+        x, half = (side * 0.02, side * 0.10), (0.10, 0.08)
+        yield draw.place("mat", half=half, x=x, y=(-0.18, 0.0), distances={"block": 0.18})
 
     def meet(self, a: Actor) -> Skills:
         arm, onto = a.arms["arm"], a.frame("mat", "centre")

@@ -1,9 +1,18 @@
-from pipeline.expert.actor import Actor, Skills
 from pipeline.expert.skills import ROUND, grasp, lift, pause, place, resting_poses
-from pipeline.motion.workspace import Workspace
-from pipeline.tasks.contract import Bodies, Draw, Limit, Task, by_name, register
-from pipeline.tasks.outcome import Outcome, within
-from pipeline.world.physics.body import TABLE_TOP
+from pipeline.tasks.contract import (
+    TABLE_TOP,
+    Actor,
+    Bodies,
+    Draw,
+    Limit,
+    Outcome,
+    Skills,
+    Task,
+    Workspace,
+    by_name,
+    register,
+    within,
+)
 
 
 @register

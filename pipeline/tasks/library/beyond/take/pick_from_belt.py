@@ -1,22 +1,23 @@
 from typing import cast
 
-from pipeline.expert.actor import Actor, Skills
 from pipeline.expert.skills import grasp, lift
-from pipeline.motion.workspace import Workspace
 from pipeline.tasks.contract import (
     ANY_YAW,
+    TABLE_TOP,
+    Actor,
     Bodies,
     Draw,
     Limit,
+    Outcome,
     Placement,
     Region,
+    Skills,
     Task,
+    Workspace,
     by_name,
     register,
 )
-from pipeline.tasks.outcome import Outcome
 from pipeline.world.objects.families.toys.toy_car import PlayBall
-from pipeline.world.physics.body import TABLE_TOP
 
 
 @register

@@ -1,9 +1,18 @@
-from pipeline.expert.actor import Actor, Skills
 from pipeline.expert.skills import grasp, shift
-from pipeline.motion.workspace import Workspace
-from pipeline.tasks.contract import ANY_YAW, Bodies, Draw, Limit, Task, by_name, register
-from pipeline.tasks.outcome import Outcome
-from pipeline.world.physics.body import TABLE_TOP
+from pipeline.tasks.contract import (
+    ANY_YAW,
+    TABLE_TOP,
+    Actor,
+    Bodies,
+    Draw,
+    Limit,
+    Outcome,
+    Skills,
+    Task,
+    Workspace,
+    by_name,
+    register,
+)
 
 
 @register

@@ -1,12 +1,22 @@
 import numpy as np
 
-from pipeline.expert.actor import Actor, Skills
 from pipeline.expert.scripts import let_go
 from pipeline.expert.skills import ROUND, grasp, lift, place, resting_poses
 from pipeline.motion.wrapped import CARRIED
-from pipeline.tasks.contract import Bodies, Draw, Limit, Placement, Region, Task, by_name, register
-from pipeline.tasks.outcome import Outcome
-from pipeline.world.physics.body import Body
+from pipeline.tasks.contract import (
+    Actor,
+    Bodies,
+    Body,
+    Draw,
+    Limit,
+    Outcome,
+    Placement,
+    Region,
+    Skills,
+    Task,
+    by_name,
+    register,
+)
 
 from .named import COLOURS, lies_in, look_of
 
@@ -36,14 +46,10 @@ class LoadNamedWagon(Task):
             angle = first + i * 2 * np.pi / 3
             at = x + RADIUS * np.cos(angle), y + RADIUS * np.sin(angle)
             yaw = angle + np.pi / 2
-            yield Placement(
-                name,
-                draw.one_of("wagon", colour=colour),
-                Region(x=(at[0], at[0]), y=(at[1], at[1]), yaw=(yaw, yaw)),
-                gap=0.004,
-            )
-        cargo = Region(x=(side * 0.23, side * 0.32), y=(-0.14, 0.06))
-        yield Placement("cargo", draw.one_of("can", "pill_bottle"), cargo, shown=True)
+            spot = Region(x=(at[0], at[0]), y=(at[1], at[1]), yaw=(yaw, yaw))
+            yield Placement(name, draw.one_of("wagon", colour=colour), spot, gap=0.004)
+        x, y = (side * 0.23, side * 0.32), (-0.14, 0.06)
+        yield draw.place("cargo", "can", "pill_bottle", x=x, y=y, shown=True)
 
     def choices(self, bodies: dict[str, Body]) -> dict[str, str]:
         return {"choice": look_of(bodies["wagon"])}

@@ -4,11 +4,9 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from pipeline.expert.actor import Actor, Skills
 from pipeline.expert.skills import ROUND, carry, grasp, home, lift, open_, upright_goal
 from pipeline.poses import Floats, inverse, transform
-from pipeline.tasks.outcome import Outcome
-from pipeline.world.physics.body import Body
+from pipeline.tasks.contract import Actor, Body, Outcome, Skills
 
 COLOURS = ("red", "blue", "yellow", "green", "orange", "purple", "white", "black")
 

@@ -1,7 +1,5 @@
-from pipeline.tasks.contract import Bodies, Draw, Placement, Region, register
+from pipeline.tasks.contract import Bodies, Body, Draw, Outcome, register
 from pipeline.tasks.library.beyond.take.pick_from_belt import PickFromBelt
-from pipeline.tasks.outcome import Outcome
-from pipeline.world.physics.body import Body
 
 from .named import COLOURS, look_of, others_left
 
@@ -17,13 +15,16 @@ class PickNamed(PickFromBelt):
 
     def layout(self, draw: Draw) -> Bodies:
         named, *colours = draw.several(COLOURS, 3)
-        near = Region(x=(-0.22, 0.22), y=(-0.18, 0.0), yaw=(-0.7, 0.7), away_from_centre=0.05)
-        yield Placement("block", draw.one_of("block", colour=named), near)
+        where = {"x": (-0.22, 0.22), "y": (-0.18, 0.0), "yaw": (-0.7, 0.7)}
+        yield draw.place("block", colour=named, away_from_centre=0.05, **where)
         for name, colour in zip(self.movers, colours, strict=True):
-            yield Placement(
+            yield draw.place(
                 name,
-                draw.one_of("block", colour=colour),
-                Region(x=(-0.26, 0.26), y=(-0.16, 0.10), yaw=(-0.7, 0.7)),
+                "block",
+                colour=colour,
+                x=(-0.26, 0.26),
+                y=(-0.16, 0.10),
+                yaw=(-0.7, 0.7),
                 distances=dict.fromkeys(("block", "second"), 0.15),
             )
 

@@ -1,6 +1,5 @@
 from pipeline.motion.wrapped import CARRIED
-from pipeline.tasks.contract import Bodies, Draw, Placement, Region, register
-from pipeline.world.physics.body import Body
+from pipeline.tasks.contract import ANY_YAW, Bodies, Body, Draw, register
 
 from .named import look_of, row
 from .pick_named import PickNamed
@@ -20,11 +19,7 @@ class PickRipe(PickNamed):
         places = draw.several(row(middle, draw.uniform(-0.3, 0.3), 0.12, 3).tolist(), 3)
         looks = ("ripe", "unripe", "unripe")
         for name, (x, y), ripeness in zip(("tomato", *self.movers), places, looks, strict=True):
-            yield Placement(
-                name,
-                draw.one_of("tomato", ripeness=ripeness),
-                Region(x=(x, x), y=(y, y), yaw=(-3.14, 3.14)),
-            )
+            yield draw.place(name, "tomato", ripeness=ripeness, x=(x, x), y=(y, y), yaw=ANY_YAW)
 
     def choices(self, bodies: dict[str, Body]) -> dict[str, str]:
         return {"choice": look_of(bodies["tomato"], "ripeness")}

@@ -1,18 +1,17 @@
-from pipeline.expert.actor import Actor, Skills
-from pipeline.motion.workspace import Workspace
 from pipeline.motion.wrapped import CARRIED
 from pipeline.tasks.contract import (
+    Actor,
     Bodies,
+    Body,
     Draw,
-    Placement,
-    Region,
+    Outcome,
+    Skills,
     Task,
+    Workspace,
     by_name,
     register,
     side_of,
 )
-from pipeline.tasks.outcome import Outcome
-from pipeline.world.physics.body import Body
 
 from .named import COLOURS, drop_in, lies_in, look_of, row, take
 
@@ -35,14 +34,13 @@ class SortTwoBelt(Task):
     def layout(self, draw: Draw) -> Bodies:
         side = draw.side()
         for name, where in (("basket", side), ("other_basket", -side)):
-            region = Region(x=(where * 0.22, where * 0.28), y=(0.10, 0.16), yaw=(1.2, 1.9))
-            yield Placement(name, draw.one_of("bread_basket"), region, fixed=True)
+            x, y = (where * 0.22, where * 0.28), (0.10, 0.16)
+            yield draw.place(name, "bread_basket", x=x, y=y, yaw=(1.2, 1.9), fixed=True)
         middle = draw.uniform(-0.05, 0.05), draw.uniform(-0.20, -0.10)
         places = draw.several(row(middle, draw.uniform(-0.25, 0.25), 0.15, 2).tolist(), 2)
         colours = draw.several(COLOURS, 2)
         for name, (x, y), colour in zip(("block", "other"), places, colours, strict=True):
-            block = draw.one_of("block", colour=colour)
-            yield Placement(name, block, Region(x=(x, x), y=(y, y), yaw=(-0.7, 0.7)))
+            yield draw.place(name, "block", colour=colour, x=(x, x), y=(y, y), yaw=(-0.7, 0.7))
 
     def arms(self, bodies: dict[str, Body]) -> dict[str, str]:
         return {"arm": side_of(bodies["basket"]), "other_arm": side_of(bodies["other_basket"])}

@@ -1,9 +1,18 @@
-from pipeline.expert.actor import Actor, Skills
 from pipeline.expert.scripts import let_go, set_down_on
 from pipeline.expert.skills import ROUND, home
-from pipeline.tasks.contract import Bodies, Draw, Limit, Placement, Region, Task, by_name, register
-from pipeline.tasks.outcome import Outcome, within
-from pipeline.world.physics.body import Body
+from pipeline.tasks.contract import (
+    Actor,
+    Bodies,
+    Body,
+    Draw,
+    Limit,
+    Outcome,
+    Skills,
+    Task,
+    by_name,
+    register,
+    within,
+)
 
 from .named import COLOURS, look_of, others_left
 
@@ -25,15 +34,16 @@ class StackTurntableNamed(Task):
 
     def layout(self, draw: Draw) -> Bodies:
         side = draw.side()
-        coaster = Region(x=(side * 0.02, side * 0.10), y=(-0.16, -0.02))
-        yield Placement("coaster", draw.one_of("coaster"), coaster)
+        yield draw.place("coaster", x=(side * 0.02, side * 0.10), y=(-0.16, -0.02))
         colours = draw.several(COLOURS, 3)
         for name, colour in zip(("block", "second", "third"), colours, strict=True):
-            region = Region(x=(side * 0.20, side * 0.34), y=(-0.22, 0.10), yaw=(-0.7, 0.7))
-            yield Placement(
+            yield draw.place(
                 name,
-                draw.one_of("block", colour=colour),
-                region,
+                "block",
+                colour=colour,
+                x=(side * 0.20, side * 0.34),
+                y=(-0.22, 0.10),
+                yaw=(-0.7, 0.7),
                 distances={"coaster": 0.16, "block": 0.12, "second": 0.12},
                 shown=True,
             )

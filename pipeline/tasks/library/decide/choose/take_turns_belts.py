@@ -1,7 +1,13 @@
-from pipeline.expert.actor import Actor, Skills
-from pipeline.tasks.contract import Bodies, Draw, Placement, Region, register, side_of
-from pipeline.tasks.outcome import Outcome
-from pipeline.world.physics.body import Body
+from pipeline.tasks.contract import (
+    Actor,
+    Bodies,
+    Body,
+    Draw,
+    Outcome,
+    Skills,
+    register,
+    side_of,
+)
 
 from .named import COLOURS, drop_in, lies_in, look_of, take
 from .sort_two_belt import SortTwoBelt
@@ -17,13 +23,12 @@ class TakeTurnsBelts(SortTwoBelt):
     motion, movers = "conveyor", {"other": "conveyor"}
 
     def layout(self, draw: Draw) -> Bodies:
-        basket = Region(x=(-0.03, 0.03), y=(0.08, 0.14), yaw=(-0.2, 0.2))
-        yield Placement("basket", draw.one_of("bread_basket"), basket, fixed=True)
+        x, y = (-0.03, 0.03), (0.08, 0.14)
+        yield draw.place("basket", "bread_basket", x=x, y=y, yaw=(-0.2, 0.2), fixed=True)
         side, colours = draw.side(), draw.several(COLOURS, 2)
         for name, where, colour in zip(("block", "other"), (side, -side), colours, strict=True):
-            block = draw.one_of("block", colour=colour)
-            region = Region(x=(where * 0.14, where * 0.24), y=(-0.20, -0.05), yaw=(-0.7, 0.7))
-            yield Placement(name, block, region)
+            x, y = (where * 0.14, where * 0.24), (-0.20, -0.05)
+            yield draw.place(name, "block", colour=colour, x=x, y=y, yaw=(-0.7, 0.7))
 
     def arms(self, bodies: dict[str, Body]) -> dict[str, str]:
         return {"arm": side_of(bodies["block"]), "other_arm": side_of(bodies["other"])}

@@ -1,10 +1,20 @@
 import numpy as np
 
-from pipeline.expert.actor import Actor, Skills
 from pipeline.expert.skills import grasp, lift, pause
 from pipeline.motion.wrapped import CARRIED
-from pipeline.tasks.contract import Bodies, Draw, Limit, Placement, Region, Task, by_name, register
-from pipeline.tasks.outcome import Outcome
+from pipeline.tasks.contract import (
+    Actor,
+    Bodies,
+    Draw,
+    Limit,
+    Outcome,
+    Placement,
+    Region,
+    Skills,
+    Task,
+    by_name,
+    register,
+)
 
 WATCHED = 1.2  # s for which the arms stay at home: the ball is under a cup by then
 

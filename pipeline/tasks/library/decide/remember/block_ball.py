@@ -1,8 +1,15 @@
-from pipeline.expert.actor import Actor, Skills
 from pipeline.expert.skills import pause
-from pipeline.motion.workspace import Workspace
-from pipeline.tasks.contract import Bodies, Draw, Placement, Region, by_name, register
-from pipeline.tasks.outcome import Outcome
+from pipeline.tasks.contract import (
+    ANY_YAW,
+    Actor,
+    Bodies,
+    Draw,
+    Outcome,
+    Skills,
+    Workspace,
+    by_name,
+    register,
+)
 
 from .catch_from_tunnel import CatchFromTunnel
 
@@ -19,8 +26,8 @@ class BlockBall(CatchFromTunnel):
     limits = by_name()
 
     def layout(self, draw: Draw) -> Bodies:
-        region = Region(x=(-0.18, 0.18), y=(-0.16, 0.02), yaw=(-3.14, 3.14), away_from_centre=0.03)
-        yield Placement("ball", draw.one_of("play_ball"), region)
+        x, y = (-0.18, 0.18), (-0.16, 0.02)
+        yield draw.place("ball", "play_ball", x=x, y=y, yaw=ANY_YAW, away_from_centre=0.03)
 
     def finish(self, a: Actor) -> Skills:
         yield pause(a.arms["arm"], 0.5)

@@ -1,6 +1,5 @@
-from pipeline.expert.actor import Actor, Skills
 from pipeline.expert.skills import pause
-from pipeline.tasks.contract import register
+from pipeline.tasks.contract import Actor, Skills, register
 from pipeline.tasks.library.beyond.take.pick_from_belt import PickFromBelt
 
 WATCHED = 1.5  # s for which the arm stays at home: the product goes into the tunnel

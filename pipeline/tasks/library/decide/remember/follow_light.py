@@ -1,8 +1,15 @@
-from pipeline.expert.actor import Actor, Skills
 from pipeline.expert.skills import pause
-from pipeline.tasks.contract import Bodies, Draw, Placement, Region, register
+from pipeline.tasks.contract import (
+    Actor,
+    Bodies,
+    Draw,
+    Outcome,
+    Placement,
+    Region,
+    Skills,
+    register,
+)
 from pipeline.tasks.library.domino.press.click_bell import ClickBell
-from pipeline.tasks.outcome import Outcome
 
 WATCHED = 1.2  # s for which the arms stay at home: the light has gone out by then
 

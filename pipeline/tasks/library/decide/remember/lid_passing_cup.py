@@ -1,8 +1,17 @@
-from pipeline.expert.actor import Actor, Skills
 from pipeline.expert.scripts import let_go, set_down_on
 from pipeline.expert.skills import ROUND, pause
-from pipeline.tasks.contract import Bodies, Draw, Limit, Placement, Region, Task, by_name, register
-from pipeline.tasks.outcome import Outcome, within
+from pipeline.tasks.contract import (
+    Actor,
+    Bodies,
+    Draw,
+    Limit,
+    Outcome,
+    Skills,
+    Task,
+    by_name,
+    register,
+    within,
+)
 
 WATCHED = 1.5  # s for which the arm stays at home: the cup passes the first time
 
@@ -23,10 +32,9 @@ class LidPassingCup(Task):
 
     def layout(self, draw: Draw) -> Bodies:
         side = draw.side()
-        lid = Region(x=(side * 0.22, side * 0.30), y=(-0.20, 0.0))
-        yield Placement("lid", draw.one_of("lid"), lid, shown=True)
-        cup = Region(x=(side * 0.02, side * 0.10), y=(-0.18, 0.0))
-        yield Placement("cup", draw.one_of("cup"), cup, distances={"lid": 0.16})
+        yield draw.place("lid", x=(side * 0.22, side * 0.30), y=(-0.20, 0.0), shown=True)
+        x = (side * 0.02, side * 0.10)
+        yield draw.place("cup", x=x, y=(-0.18, 0.0), distances={"lid": 0.16})
 
     def meet(self, a: Actor) -> Skills:
         yield pause(a.arms["arm"], WATCHED)

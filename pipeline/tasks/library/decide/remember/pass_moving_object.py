@@ -1,11 +1,16 @@
 import numpy as np
 
-from pipeline.expert.actor import Actor, Skills
 from pipeline.expert.skills import first_of, hand_over, lift, open_, retreat
 from pipeline.poses import Floats, quat_about, quat_multiply
-from pipeline.tasks.contract import Bodies, Draw, Placement, Region, register
+from pipeline.tasks.contract import (
+    TABLE_TOP,
+    Actor,
+    Bodies,
+    Draw,
+    Skills,
+    register,
+)
 from pipeline.tasks.library.domino.handle.handover_mic import HELD_UP, HandoverMic
-from pipeline.world.physics.body import TABLE_TOP
 
 
 @register
@@ -21,8 +26,7 @@ class PassMovingObject(HandoverMic):
         # the tail is where the giver's hand leans over it and leaves room for the other hand
         side = draw.side()
         yaw = (1.9, 6.3) if side < 0 else (-3.1, 1.2)
-        region = Region(x=(side * 0.30, side * 0.20), y=(-0.15, 0.0), yaw=yaw)
-        yield Placement("microphone", draw.one_of("microphone"), region)
+        yield draw.place("microphone", x=(side * 0.30, side * 0.20), y=(-0.15, 0.0), yaw=yaw)
 
     def finish(self, a: Actor) -> Skills:
         giver, receiver = a.arms["giver"], a.arms["receiver"]

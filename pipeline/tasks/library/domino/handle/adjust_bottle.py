@@ -2,13 +2,22 @@ from itertools import product
 
 import numpy as np
 
-from pipeline.expert.actor import Actor, Skills
 from pipeline.expert.skills import ROUND, carry, grasp, lift, resting_poses, upright_goal
-from pipeline.motion.workspace import Workspace
 from pipeline.poses import quat_rotate
-from pipeline.tasks.contract import Bodies, Draw, Limit, Task, by_name, register, sign_of
-from pipeline.tasks.outcome import Outcome
-from pipeline.world.physics.body import TABLE_TOP
+from pipeline.tasks.contract import (
+    TABLE_TOP,
+    Actor,
+    Bodies,
+    Draw,
+    Limit,
+    Outcome,
+    Skills,
+    Task,
+    Workspace,
+    by_name,
+    register,
+    sign_of,
+)
 
 CLEARANCES = (0.05, 0.10, 0.15, 0.22)
 """M under the foot of the raised bottle: thick wrists need more."""

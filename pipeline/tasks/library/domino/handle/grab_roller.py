@@ -1,10 +1,18 @@
 from pipeline.data.names import SIDES
-from pipeline.expert.actor import Actor, Skills
 from pipeline.expert.skills import grasp, lift, together
-from pipeline.motion.workspace import Workspace
-from pipeline.tasks.contract import Bodies, Draw, Limit, Task, by_name, register
-from pipeline.tasks.outcome import Outcome
-from pipeline.world.physics.body import Body
+from pipeline.tasks.contract import (
+    Actor,
+    Bodies,
+    Body,
+    Draw,
+    Limit,
+    Outcome,
+    Skills,
+    Task,
+    Workspace,
+    by_name,
+    register,
+)
 
 
 @register

@@ -2,7 +2,6 @@ from itertools import product
 
 import numpy as np
 
-from pipeline.expert.actor import Actor, Skills
 from pipeline.expert.skills import (
     grasp,
     hand_over,
@@ -15,9 +14,19 @@ from pipeline.expert.skills import (
     together,
     upright_goal,
 )
-from pipeline.tasks.contract import Bodies, Draw, Limit, Task, by_name, register
-from pipeline.tasks.outcome import Outcome, within
-from pipeline.world.physics.body import Body
+from pipeline.tasks.contract import (
+    Actor,
+    Bodies,
+    Body,
+    Draw,
+    Limit,
+    Outcome,
+    Skills,
+    Task,
+    by_name,
+    register,
+    within,
+)
 
 QUARTERS = tuple(np.arange(0, 2 * np.pi, np.pi / 4).tolist())
 

@@ -2,14 +2,18 @@ from itertools import product
 
 import numpy as np
 
-from pipeline.expert.actor import Actor, Skills
 from pipeline.expert.skills import grasp, hand_over, lift, open_, retreat
 from pipeline.poses import yawed
 from pipeline.tasks.contract import (
     ANY_YAW,
+    TABLE_TOP,
+    Actor,
     Bodies,
+    Body,
     Draw,
     Limit,
+    Outcome,
+    Skills,
     Task,
     by_name,
     other_side,
@@ -17,8 +21,6 @@ from pipeline.tasks.contract import (
     side_of,
     sign_of,
 )
-from pipeline.tasks.outcome import Outcome
-from pipeline.world.physics.body import TABLE_TOP, Body
 
 HELD_UP = 0.195  # m over the table of the head at the end
 TURNS = (0.0, 0.4, -0.4, 0.8, -0.8)

@@ -2,7 +2,6 @@ from itertools import product
 
 import numpy as np
 
-from pipeline.expert.actor import Actor, Skills
 from pipeline.expert.skills import (
     grasp,
     home,
@@ -14,9 +13,20 @@ from pipeline.expert.skills import (
     upright_goal,
 )
 from pipeline.poses import frame, inverse, quat_rotate, transform
-from pipeline.tasks.contract import Bodies, Draw, Limit, Task, by_name, register
-from pipeline.tasks.outcome import Outcome, within
-from pipeline.world.physics.body import TABLE_TOP, Body
+from pipeline.tasks.contract import (
+    TABLE_TOP,
+    Actor,
+    Bodies,
+    Body,
+    Draw,
+    Limit,
+    Outcome,
+    Skills,
+    Task,
+    by_name,
+    register,
+    within,
+)
 
 MIDDLE = (0.03, -0.15, TABLE_TOP)  # where the mug changes hands
 

@@ -1,11 +1,21 @@
-from pipeline.expert.actor import Actor, Skills
 from pipeline.expert.scripts import let_go
 from pipeline.expert.skills import ROUND, grasp, lift, place, resting_poses, upright_goal
-from pipeline.motion.workspace import Workspace
 from pipeline.poses import Pose
-from pipeline.tasks.contract import ANY_YAW, Bodies, Draw, Limit, Task, by_name, register, sign_of
-from pipeline.tasks.outcome import Outcome
-from pipeline.world.physics.body import TABLE_TOP
+from pipeline.tasks.contract import (
+    ANY_YAW,
+    TABLE_TOP,
+    Actor,
+    Bodies,
+    Draw,
+    Limit,
+    Outcome,
+    Skills,
+    Task,
+    Workspace,
+    by_name,
+    register,
+    sign_of,
+)
 
 
 @register

@@ -2,25 +2,27 @@ from typing import ClassVar
 
 import numpy as np
 
-from pipeline.expert.actor import Actor, Skills
 from pipeline.expert.scripts import let_go
 from pipeline.expert.skills import ROUND, grasp, lift, place, resting_poses, upright_goal
-from pipeline.motion.workspace import Workspace
 from pipeline.poses import Pose
 from pipeline.tasks.contract import (
     ANY_YAW,
+    TABLE_TOP,
+    Actor,
     Bodies,
     Draw,
     Limit,
+    Outcome,
     Placement,
     Region,
+    Skills,
     Task,
+    Workspace,
     by_name,
     family_of,
     register,
+    within,
 )
-from pipeline.tasks.outcome import Outcome, within
-from pipeline.world.physics.body import TABLE_TOP
 
 KINDS = (
     *("mouse", "stapler", "bell", "toy_car", "rubiks_cube", "bread", "phone", "playing_cards"),

@@ -1,13 +1,23 @@
 import numpy as np
 
-from pipeline.expert.actor import Actor, Skills
 from pipeline.expert.scripts import let_go
 from pipeline.expert.skills import grasp, lift, place, resting_poses, upright_goal
-from pipeline.motion.workspace import Workspace
 from pipeline.poses import lifted
-from pipeline.tasks.contract import Bodies, Draw, Limit, Task, by_name, register, sign_of
-from pipeline.tasks.outcome import Outcome, within
-from pipeline.world.physics.body import TABLE_TOP
+from pipeline.tasks.contract import (
+    TABLE_TOP,
+    Actor,
+    Bodies,
+    Draw,
+    Limit,
+    Outcome,
+    Skills,
+    Task,
+    Workspace,
+    by_name,
+    register,
+    sign_of,
+    within,
+)
 
 
 @register

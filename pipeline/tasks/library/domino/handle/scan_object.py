@@ -2,7 +2,6 @@ from itertools import product
 
 import numpy as np
 
-from pipeline.expert.actor import Actor, Skills
 from pipeline.expert.skills import (
     ROUND,
     carry,
@@ -15,18 +14,22 @@ from pipeline.expert.skills import (
 )
 from pipeline.poses import Pose, inverse, pose, quat_about, quat_multiply, quat_rotate, transform
 from pipeline.tasks.contract import (
+    TABLE_TOP,
+    Actor,
     Bodies,
+    Body,
     Draw,
     Limit,
+    Outcome,
+    Skills,
     Task,
     by_name,
     other_side,
     register,
     side_of,
     sign_of,
+    within,
 )
-from pipeline.tasks.outcome import Outcome, within
-from pipeline.world.physics.body import TABLE_TOP, Body
 
 FROM_CENTRE = (0.058, 0.052)  # m of the scanner's window from the middle of the box
 

@@ -1,8 +1,16 @@
-from pipeline.expert.actor import Actor, Skills
 from pipeline.expert.skills import grasp, lift, shake
-from pipeline.motion.workspace import Workspace
-from pipeline.tasks.contract import Bodies, Draw, Limit, Task, by_name, register
-from pipeline.tasks.outcome import Outcome
+from pipeline.tasks.contract import (
+    Actor,
+    Bodies,
+    Draw,
+    Limit,
+    Outcome,
+    Skills,
+    Task,
+    Workspace,
+    by_name,
+    register,
+)
 from pipeline.world.objects.families.goods.bottles import BODY
 
 

@@ -1,13 +1,23 @@
 import numpy as np
 
-from pipeline.expert.actor import Actor, Skills
 from pipeline.expert.skills import grasp, lift, rock
-from pipeline.motion.workspace import Workspace
 from pipeline.poses import pose, quat_about, quat_multiply, quat_rotate
-from pipeline.tasks.contract import Bodies, Draw, Limit, Task, by_name, register, sign_of
-from pipeline.tasks.outcome import Outcome, within
+from pipeline.tasks.contract import (
+    TABLE_TOP,
+    Actor,
+    Bodies,
+    Draw,
+    Limit,
+    Outcome,
+    Skills,
+    Task,
+    Workspace,
+    by_name,
+    register,
+    sign_of,
+    within,
+)
 from pipeline.world.objects.families.goods.bottles import BODY
-from pipeline.world.physics.body import TABLE_TOP
 
 SPOTS = (
     *((0.08, -0.03, 0.20), (0.15, -0.08, 0.20), (0.10, -0.10, 0.14), (0.15, 0.05, 0.26)),

@@ -1,5 +1,4 @@
-from pipeline.motion.workspace import Workspace
-from pipeline.tasks.contract import ANY_YAW, Bodies, Draw, Limit, by_name, register
+from pipeline.tasks.contract import ANY_YAW, Bodies, Draw, Limit, Workspace, by_name, register
 
 from .press import Press
 

@@ -1,9 +1,8 @@
 from typing import ClassVar
 
-from pipeline.expert.actor import Actor, Skill, Skills
+from pipeline.expert.actor import Skill
 from pipeline.expert.skills import close, home, lift, press
-from pipeline.tasks.contract import Task
-from pipeline.tasks.outcome import Outcome
+from pipeline.tasks.contract import Actor, Outcome, Skills, Task
 
 
 class Press(Task):

@@ -1,6 +1,13 @@
-from pipeline.motion.workspace import Workspace
-from pipeline.tasks.contract import ANY_YAW, Bodies, Draw, Limit, by_name, register
-from pipeline.tasks.outcome import Outcome
+from pipeline.tasks.contract import (
+    ANY_YAW,
+    Bodies,
+    Draw,
+    Limit,
+    Outcome,
+    Workspace,
+    by_name,
+    register,
+)
 
 from .press import Press
 

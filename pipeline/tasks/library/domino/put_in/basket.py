@@ -1,10 +1,16 @@
-from pipeline.expert.actor import Skills
 from pipeline.expert.budgets import MOVE
 from pipeline.expert.skills import grasp, home, lift, open_, together
-from pipeline.motion.workspace import Workspace
-from pipeline.tasks.contract import Limit, Task, by_name, other_side, side_of
-from pipeline.tasks.outcome import Outcome
-from pipeline.world.physics.body import Body
+from pipeline.tasks.contract import (
+    Body,
+    Limit,
+    Outcome,
+    Skills,
+    Task,
+    Workspace,
+    by_name,
+    other_side,
+    side_of,
+)
 
 
 class IntoBasket(Task):

@@ -2,7 +2,6 @@ from itertools import product
 
 import numpy as np
 
-from pipeline.expert.actor import Actor, Skills
 from pipeline.expert.skills import (
     ROUND,
     carry,
@@ -19,18 +18,21 @@ from pipeline.expert.skills import (
 )
 from pipeline.poses import compose, inverse, pose, quat_about, quat_multiply, transform
 from pipeline.tasks.contract import (
+    TABLE_TOP,
+    Actor,
     Bodies,
+    Body,
     Draw,
     Limit,
+    Outcome,
     Placement,
     Region,
+    Skills,
     Task,
     by_name,
     register,
     side_of,
 )
-from pipeline.tasks.outcome import Outcome
-from pipeline.world.physics.body import TABLE_TOP, Body
 
 MIDDLE = (-0.04, -0.12, TABLE_TOP)  # where the right arm sets the bin down for the left one
 

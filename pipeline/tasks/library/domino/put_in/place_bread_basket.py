@@ -1,13 +1,23 @@
 import numpy as np
 
-from pipeline.expert.actor import Actor, Skills
 from pipeline.expert.candidates import leading_grasps
 from pipeline.expert.regrasping import place_or_regrasp, regrasp
 from pipeline.expert.skills import ROUND, grasp, in_turn, lift, open_, resting_poses
-from pipeline.motion.workspace import Workspace
 from pipeline.poses import Pose, lifted
-from pipeline.tasks.contract import ANY_YAW, Bodies, Draw, Limit, Task, by_name, register
-from pipeline.tasks.outcome import Outcome, within
+from pipeline.tasks.contract import (
+    ANY_YAW,
+    Actor,
+    Bodies,
+    Draw,
+    Limit,
+    Outcome,
+    Skills,
+    Task,
+    Workspace,
+    by_name,
+    register,
+    within,
+)
 
 DROPS = (0.0, 0.03, 0.06)  # m above the floor at which the bread may be let go, the lowest in reach
 

@@ -2,7 +2,6 @@ from itertools import product
 
 import numpy as np
 
-from pipeline.expert.actor import Actor, Skills
 from pipeline.expert.candidates import hand_poses
 from pipeline.expert.skills import (
     ROUND,
@@ -17,18 +16,22 @@ from pipeline.expert.skills import (
 )
 from pipeline.poses import Pose, compose, lifted, yawed
 from pipeline.tasks.contract import (
+    TABLE_TOP,
+    Actor,
     Bodies,
+    Body,
     Draw,
     Limit,
+    Outcome,
+    Skills,
     Task,
     by_name,
     other_side,
     register,
     side_of,
     sign_of,
+    within,
 )
-from pipeline.tasks.outcome import Outcome, within
-from pipeline.world.physics.body import TABLE_TOP, Body
 
 ABOVE = 0.07  # m over the pan from which the bread comes down
 

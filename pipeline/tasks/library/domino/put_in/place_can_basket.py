@@ -1,6 +1,5 @@
-from pipeline.expert.actor import Actor, Skills
 from pipeline.expert.skills import ROUND, grasp, lift, place, resting_poses
-from pipeline.tasks.contract import ANY_YAW, Bodies, Draw, register
+from pipeline.tasks.contract import ANY_YAW, Actor, Bodies, Draw, Skills, register
 
 from .basket import IntoBasket
 

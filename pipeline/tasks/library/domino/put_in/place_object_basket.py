@@ -1,9 +1,8 @@
 import numpy as np
 
-from pipeline.expert.actor import Actor, Skills
 from pipeline.expert.skills import grasp, lift, place, resting_poses
 from pipeline.poses import lifted
-from pipeline.tasks.contract import Bodies, Draw, register
+from pipeline.tasks.contract import Actor, Bodies, Draw, Skills, register
 
 from .basket import IntoBasket
 

@@ -2,7 +2,6 @@ from itertools import product
 
 import numpy as np
 
-from pipeline.expert.actor import Actor, Skills
 from pipeline.expert.skills import (
     ROUND,
     carry,
@@ -15,10 +14,22 @@ from pipeline.expert.skills import (
     upright_goal,
 )
 from pipeline.poses import compose, inverse, pose, quat_about, transform, yawed
-from pipeline.tasks.contract import Bodies, Draw, Limit, Task, by_name, register, side_of
-from pipeline.tasks.outcome import Outcome, within
+from pipeline.tasks.contract import (
+    TABLE_TOP,
+    Actor,
+    Bodies,
+    Body,
+    Draw,
+    Limit,
+    Outcome,
+    Skills,
+    Task,
+    by_name,
+    register,
+    side_of,
+    within,
+)
 from pipeline.world.objects.families.goods.bottles import BODY
-from pipeline.world.physics.body import TABLE_TOP, Body
 
 
 @register

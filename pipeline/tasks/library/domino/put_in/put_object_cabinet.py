@@ -1,6 +1,5 @@
 import numpy as np
 
-from pipeline.expert.actor import Actor, Skills
 from pipeline.expert.skills import (
     grasp,
     home,
@@ -12,24 +11,27 @@ from pipeline.expert.skills import (
     shift,
     together,
 )
-from pipeline.motion.workspace import Workspace
 from pipeline.poses import compose, inverse, lifted, pose, transform
 from pipeline.tasks.contract import (
+    Actor,
     Bodies,
+    Body,
     Draw,
     Limit,
+    Outcome,
     Placement,
     Region,
+    Skills,
     Task,
+    Workspace,
     by_name,
     other_side,
     register,
     side_of,
     sign_of,
+    within,
 )
-from pipeline.tasks.outcome import Outcome, within
 from pipeline.world.objects.families.containers.cabinet import Cabinet, Drawer
-from pipeline.world.physics.body import Body
 
 PULL = 0.135  # m by which the drawer is pulled open
 

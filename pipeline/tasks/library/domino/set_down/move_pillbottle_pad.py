@@ -1,4 +1,4 @@
-from pipeline.tasks.contract import ANY_YAW, Bodies, Draw, Limit, Region, by_name, register
+from pipeline.tasks.contract import ANY_YAW, Bodies, Draw, Limit, by_name, register
 
 from .set_down import SetDown
 
@@ -20,8 +20,6 @@ class MovePillbottlePad(SetDown):
 
     def layout(self, draw: Draw) -> Bodies:
         side = draw.side()
-        yield draw.place(
-            "bottle", "pill_bottle", x=(side * 0.05, side * 0.25), y=(-0.10, 0.10), yaw=ANY_YAW
-        )
-        pad = Region(x=(side * 0.05, side * 0.25), y=(-0.20, 0.10))
-        yield self.pad(draw, pad, gap=0.03, distances={"bottle": 0.10})
+        x = (side * 0.05, side * 0.25)
+        yield draw.place("bottle", "pill_bottle", x=x, y=(-0.10, 0.10), yaw=ANY_YAW)
+        yield self.pad(draw, x=x, y=(-0.20, 0.10), gap=0.03, distances={"bottle": 0.10})

@@ -1,6 +1,6 @@
 import numpy as np
 
-from pipeline.tasks.contract import ANY_YAW, Bodies, Draw, Limit, Region, by_name, register
+from pipeline.tasks.contract import ANY_YAW, Bodies, Draw, Limit, by_name, register
 
 from .set_down import SetDown
 
@@ -25,6 +25,6 @@ class MoveStaplerPad(SetDown):
 
     def layout(self, draw: Draw) -> Bodies:
         side = draw.side()
-        yield draw.place("stapler", x=(side * 0.05, side * 0.25), y=(-0.20, 0.0), yaw=ANY_YAW)
-        pad = Region(x=(side * 0.05, side * 0.25), y=(-0.20, 0.0))
-        yield self.pad(draw, pad, gap=0.03, distances={"stapler": 0.10})
+        x, y = (side * 0.05, side * 0.25), (-0.20, 0.0)
+        yield draw.place("stapler", x=x, y=y, yaw=ANY_YAW)
+        yield self.pad(draw, x=x, y=y, gap=0.03, distances={"stapler": 0.10})

@@ -1,5 +1,4 @@
-from pipeline.tasks.contract import ANY_YAW, Bodies, Draw, Limit, by_name, register
-from pipeline.tasks.outcome import Outcome, within
+from pipeline.tasks.contract import ANY_YAW, Bodies, Draw, Limit, Outcome, by_name, register, within
 
 from .set_down import SetDown
 

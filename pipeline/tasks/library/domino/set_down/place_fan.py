@@ -1,10 +1,9 @@
 import numpy as np
 
-from pipeline.expert.actor import Actor, Skills
 from pipeline.expert.regrasping import place_or_regrasp, regrasp
 from pipeline.expert.skills import grasp, lift, resting_poses
 from pipeline.poses import lifted
-from pipeline.tasks.contract import Bodies, Draw, Limit, Region, by_name, register
+from pipeline.tasks.contract import Actor, Bodies, Draw, Limit, Skills, by_name, register
 
 from .set_down import SetDown
 
@@ -23,7 +22,7 @@ class PlaceFan(SetDown):
     def layout(self, draw: Draw) -> Bodies:
         side = draw.side()
         yield draw.place("fan", x=(0.0, side * 0.10), y=(-0.15, -0.05), yaw=(-np.pi, np.pi))
-        yield self.pad(draw, Region(x=(-0.25, 0.25), y=(-0.20, 0.0)))
+        yield self.pad(draw, x=(-0.25, 0.25), y=(-0.20, 0.0))
 
     def meet(self, a: Actor) -> Skills:
         arm, centre = a.arms["arm"], a.frame("pad", "centre")

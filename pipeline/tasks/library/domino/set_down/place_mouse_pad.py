@@ -1,7 +1,15 @@
 import numpy as np
 
-from pipeline.tasks.contract import ANY_YAW, Bodies, Draw, Limit, Region, by_name, register
-from pipeline.tasks.outcome import Outcome, within
+from pipeline.tasks.contract import (
+    ANY_YAW,
+    Bodies,
+    Draw,
+    Limit,
+    Outcome,
+    by_name,
+    register,
+    within,
+)
 
 from .set_down import SetDown
 
@@ -25,9 +33,9 @@ class PlaceMousePad(SetDown):
 
     def layout(self, draw: Draw) -> Bodies:
         side = draw.side()
-        yield draw.place("mouse", x=(side * 0.05, side * 0.25), y=(-0.20, 0.0), yaw=ANY_YAW)
-        pad = Region(x=(side * 0.05, side * 0.25), y=(-0.20, 0.0))
-        yield self.pad(draw, pad, gap=0.03, distances={"mouse": 0.10})
+        x, y = (side * 0.05, side * 0.25), (-0.20, 0.0)
+        yield draw.place("mouse", x=x, y=y, yaw=ANY_YAW)
+        yield self.pad(draw, x=x, y=y, gap=0.03, distances={"mouse": 0.10})
 
     def success(self, o: Outcome, arms: dict[str, str]) -> dict[str, bool]:
         limit = self.under(o.rules)

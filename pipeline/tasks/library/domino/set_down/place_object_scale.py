@@ -1,12 +1,4 @@
-from pipeline.tasks.contract import (
-    ANY_YAW,
-    Bodies,
-    Draw,
-    Limit,
-    by_name,
-    register,
-)
-from pipeline.tasks.outcome import Outcome
+from pipeline.tasks.contract import ANY_YAW, Bodies, Draw, Limit, Outcome, by_name, register
 
 from .set_down import SetDown
 

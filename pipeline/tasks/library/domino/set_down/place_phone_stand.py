@@ -1,8 +1,16 @@
-from pipeline.expert.actor import Actor, Skills
 from pipeline.expert.scripts import set_down_on
 from pipeline.poses import compose, pose
-from pipeline.tasks.contract import Bodies, Draw, Limit, by_name, register
-from pipeline.tasks.outcome import Outcome, within
+from pipeline.tasks.contract import (
+    Actor,
+    Bodies,
+    Draw,
+    Limit,
+    Outcome,
+    Skills,
+    by_name,
+    register,
+    within,
+)
 
 from .set_down import SetDown
 

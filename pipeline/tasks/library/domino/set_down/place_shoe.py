@@ -1,10 +1,18 @@
 import numpy as np
 
-from pipeline.expert.actor import Actor, Skills
 from pipeline.expert.scripts import set_down_on
 from pipeline.poses import compose, inverse, yawed
-from pipeline.tasks.contract import Bodies, Draw, Limit, Placement, Region, by_name, register
-from pipeline.tasks.outcome import Outcome, within
+from pipeline.tasks.contract import (
+    Actor,
+    Bodies,
+    Draw,
+    Limit,
+    Outcome,
+    Skills,
+    by_name,
+    register,
+    within,
+)
 
 from .set_down import SetDown
 
@@ -37,8 +45,8 @@ class PlaceShoe(SetDown):
             yaw=(-np.pi, np.pi),
             away_from_origin=0.25,
         )
-        mat = draw.one_of("mat", half=self.sizes["mat"].under(draw.rules))
-        yield Placement("mat", mat, Region(x=(-0.20, 0.20), y=(-0.15, -0.05)))
+        half = self.sizes["mat"].under(draw.rules)
+        yield draw.place("mat", half=half, x=(-0.20, 0.20), y=(-0.15, -0.05))
 
     def meet(self, a: Actor) -> Skills:
         return set_down_on(a, a.arms["arm"], "shoe", compose(a.frame("mat", "centre"), TO_THE_LEFT))

@@ -1,11 +1,9 @@
 from collections.abc import Sequence
 from typing import Any, ClassVar
 
-from pipeline.expert.actor import Actor, Skills
 from pipeline.expert.scripts import let_go, set_down_on
 from pipeline.expert.skills import ROUND
-from pipeline.tasks.contract import Draw, Placement, Region, Task
-from pipeline.tasks.outcome import Outcome, within
+from pipeline.tasks.contract import Actor, Draw, Outcome, Placement, Skills, Task, within
 
 
 class SetDown(Task):
@@ -22,9 +20,9 @@ class SetDown(Task):
     up: ClassVar[float] = 0.10
     above: ClassVar[float] = 0.10
 
-    def pad(self, draw: Draw, region: Region, **kept: Any) -> Placement:
-        pad = draw.one_of("pad", half=self.sizes["pad"].under(draw.rules), thickness=0.004)
-        return Placement("pad", pad, region, **kept)
+    def pad(self, draw: Draw, **where: Any) -> Placement:
+        half = self.sizes["pad"].under(draw.rules)
+        return draw.place("pad", half=half, thickness=0.004, **where)
 
     def meet(self, a: Actor) -> Skills:
         goal = a.frame(self.target, self.onto)

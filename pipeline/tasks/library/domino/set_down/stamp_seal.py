@@ -1,6 +1,15 @@
-from pipeline.tasks.contract import ANY_YAW, Bodies, Draw, Limit, Region, by_name, register, side_of
-from pipeline.tasks.outcome import Outcome, within
-from pipeline.world.physics.body import Body
+from pipeline.tasks.contract import (
+    ANY_YAW,
+    Bodies,
+    Body,
+    Draw,
+    Limit,
+    Outcome,
+    by_name,
+    register,
+    side_of,
+    within,
+)
 
 from .set_down import SetDown
 
@@ -24,8 +33,8 @@ class StampSeal(SetDown):
     def layout(self, draw: Draw) -> Bodies:
         side = draw.side()
         yield draw.place("stamp", "seal", x=(0.0, 0.0), y=(0.0, 0.0), yaw=ANY_YAW)
-        pad = Region(x=(0.0, side * 0.25), y=(-0.15, 0.15), away_from_origin=0.10)
-        yield self.pad(draw, pad, gap=0.03)
+        x, y = (0.0, side * 0.25), (-0.15, 0.15)
+        yield self.pad(draw, x=x, y=y, away_from_origin=0.10, gap=0.03)
 
     def arms(self, bodies: dict[str, Body]) -> dict[str, str]:
         return {"arm": side_of(bodies["pad"])}
