@@ -45,7 +45,7 @@ from pipeline.export.formats.lerobot.format import (
     image_key,
 )
 from pipeline.export.shared.episodes import exported_cameras, read_facts, reading
-from pipeline.export.shared.record import check_export
+from pipeline.export.shared.record import read_record
 from pipeline.export.shared.video import Codec, encode
 from pipeline.motion.planar import PlanarMotion
 from pipeline.poses import pose
@@ -190,6 +190,10 @@ def read_pictures(paths: list[Path]) -> list[list[NDArray[np.uint8]]]:
     return out
 
 
+def _check(dataset: Path, out: Path, episodes: list[Path]) -> list[str]:
+    return read_record(out).check(dataset, episodes)
+
+
 def rows_of(paths: list[Path], root: Path) -> list[ExportRow]:
     """Each format, its floor and its check."""
     pictures = read_pictures(paths)
@@ -223,7 +227,7 @@ def rows_of(paths: list[Path], root: Path) -> list[ExportRow]:
         # imports and encoder start-up are no cost of an episode
         exporter.export(replace(job, episodes=paths[:1]))
         row = ExportRow(name, partial(exporter.export, job), floors.get(name, copying), out)
-        rows += [row, ExportRow(f"{name}: check", partial(check_export, root, out, paths))]
+        rows += [row, ExportRow(f"{name}: check", partial(_check, root, out, paths))]
     compressed = Job(
         root, root / "exports" / "compressed", paths, EXPORTERS["aloha"].options(compress="jpeg")
     )

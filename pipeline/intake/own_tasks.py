@@ -13,7 +13,6 @@ from pipeline.data.process.own_code import (
     is_outside,
     line_of_class,
     line_of_error,
-    time_limit,
 )
 from pipeline.data.recipe.model import RecipeError
 from pipeline.motion.models import MODELS
@@ -21,9 +20,6 @@ from pipeline.motion.workspace import Workspace
 from pipeline.tasks import TASKS, Task
 from pipeline.tasks.contract import Limit
 from pipeline.tasks.layout import bodies_of, families_of
-
-LAYOUT_SECONDS = 20.0
-"""For the trial layouts of a task, which take less than a second."""
 
 ALL = "all"
 
@@ -51,17 +47,13 @@ def check_task(task: Task) -> None:
     if wrong := _find_wrong(task):
         name, fault = wrong
         raise RecipeError(f"{line_of_class(cls, name)}: task {task.name}: {name} {fault}")
-    late = TimeoutError()
     try:
-        with time_limit(LAYOUT_SECONDS, late):
-            families_of(task)
-            bodies = bodies_of(task)
+        families_of(task)
+        bodies = bodies_of(task)
     except Exception as error:  # a task is a user's code, which may raise anything
-        what = f"raised {describe_error(error)}"
-        if error is late:
-            what = f"does not end within {LAYOUT_SECONDS:g} s: check its loops"
         place = line_of_error(error, file_of(cls)) or line_of_class(cls, "layout")
-        raise RecipeError(f"{place}: task {task.name}: its layout {what}") from error
+        what = f"its layout raised {describe_error(error)}"
+        raise RecipeError(f"{place}: task {task.name}: {what}") from error
     for name in ("target", "manipulated"):
         if (body := getattr(task, name)) not in bodies:
             what = f"{name} is {body!r}; its layout places {', '.join(sorted(bodies))}"

@@ -5,7 +5,8 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from pipeline.export import EXPORTERS, Job
+from pipeline.export import EXPORTERS, ExportError, Job
+from pipeline.export.shared.record import read_record
 
 REQUIRED: dict[str, dict[str, Any]] = {"robotwin": {"jpeg_order": "rgb"}}
 
@@ -24,3 +25,11 @@ def run(
     exporter = EXPORTERS[format]
     given = exporter.options(**(REQUIRED.get(format, {}) | options))
     return exporter.export(Job(dataset, out, episodes, given, progress, workers))
+
+
+def check_export(dataset: Path, out: Path, episodes: Sequence[Path]) -> list[str]:
+    """The problems of an export, or of its record."""
+    try:
+        return read_record(out).check(dataset, episodes)
+    except ExportError as error:
+        return [str(error)]

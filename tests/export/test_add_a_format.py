@@ -10,8 +10,7 @@ import pytest
 from pipeline.commands.export import format_flags
 from pipeline.data.episode.file import open_episode
 from pipeline.export import EXPORTERS, ExportError, parse_options
-from pipeline.export.shared.record import check_export
-from tests.export.running import run
+from tests.export.running import check_export, run
 from tests.synthetic import episode_path, make_episode
 
 PAGE = Path(__file__).parents[2] / "docs" / "add_a_format.md"

@@ -6,7 +6,7 @@ import pytest
 from pipeline.data.recipe.model import RecipeError
 from pipeline.intake.own_tasks import check_task
 from pipeline.tasks import TASKS
-from pipeline.tasks.contract import Draw, Task
+from pipeline.tasks.contract import Task
 
 
 def own(**attributes: Any) -> Task:
@@ -20,11 +20,6 @@ def own(**attributes: Any) -> Task:
 
 def raising(self: Task, draw: object) -> None:
     raise ZeroDivisionError("division by zero")
-
-
-def endless(self: Task, draw: Draw) -> None:
-    while draw.uniform(0, 1) < 2:
-        pass
 
 
 def test_a_sound_task_and_those_of_the_package_pass():
@@ -55,15 +50,10 @@ def test_a_sound_task_and_those_of_the_package_pass():
             "its layout raised ZeroDivisionError: division by zero",
         ),
         ({"layout": lambda self, draw: [draw.one_of("bel")]}, "its layout raised"),
-        ({"layout": endless}, "its layout does not end within 0.2 s"),
         ({"target": "bel"}, "bell"),
     ],
 )
-def test_what_is_wrong_is_one_line_that_names_the_task(attributes, wrong, monkeypatch):
-    monkeypatch.setattr(
-        "pipeline.intake.own_tasks.LAYOUT_SECONDS",
-        0.2 if attributes.get("layout") is endless else 20.0,
-    )
+def test_what_is_wrong_is_one_line_that_names_the_task(attributes, wrong):
     with pytest.raises(RecipeError) as error:
         check_task(own(**attributes))
     message = str(error.value)

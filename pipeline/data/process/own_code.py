@@ -1,17 +1,11 @@
-"""A user's code: its place, errors and time limit."""
+"""A user's code: its place and errors."""
 
 import inspect
-import signal
 import sys
-import threading
-import time
 import traceback
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from types import FrameType
-from typing import Any
 
 from pipeline.data.errors import DominoError
 
@@ -100,37 +94,3 @@ def catch_errors(
     except Exception as error:  # noqa: BLE001 (whatever foreign code raises)
         place = line_of_error(error, file_of(author)) or line_of_class(author)
         yield Finding(name, False, f"{place}: {describe_error(error)}")
-
-
-class _Alarm(BaseException):
-    """No `except Exception` of foreign code stops it."""
-
-
-@contextmanager
-def time_limit(seconds: float, late: Exception) -> Iterator[None]:
-    """Raise `late` for a longer block: in the main thread between instructions; elsewhere at its
-    end.
-    """
-    began, in_main = time.monotonic(), threading.current_thread() is threading.main_thread()
-
-    def interrupt(_signal: int, _frame: FrameType | None) -> None:
-        raise _Alarm
-
-    before: Any = None
-    if in_main:
-        before = signal.signal(signal.SIGALRM, interrupt)
-        signal.setitimer(signal.ITIMER_REAL, seconds, 1.0)  # again, should the code catch it
-    try:
-        try:
-            yield
-        finally:
-            if in_main:
-                signal.setitimer(signal.ITIMER_REAL, 0)
-    except _Alarm as alarm:
-        raise late.with_traceback(alarm.__traceback__) from None
-    finally:
-        if in_main:
-            signal.setitimer(signal.ITIMER_REAL, 0)
-            signal.signal(signal.SIGALRM, before)
-    if time.monotonic() - began > seconds:
-        raise late

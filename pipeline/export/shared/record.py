@@ -83,13 +83,6 @@ class ExportRecord:
         return problems + [f"{self.root}: does not hold {path}" for path in missing]
 
 
-def check_export(dataset: Path, out: Path, episodes: Sequence[Path]) -> list[str]:
-    try:
-        return read_record(out).check(dataset, episodes)
-    except ExportError as error:
-        return [str(error)]
-
-
 def read_record(out: Path) -> ExportRecord:
     """Read export.json. Raises ExportError."""
     try:

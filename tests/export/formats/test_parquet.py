@@ -19,8 +19,7 @@ from pipeline.data.slots.annotations import Entry, annotation_path
 from pipeline.export import ExportError
 from pipeline.export.shared.annotations import stale
 from pipeline.export.shared.episodes import read_facts
-from pipeline.export.shared.record import check_export
-from tests.export.running import run
+from tests.export.running import check_export, run
 from tests.synthetic import COLORS, episode_path, make_episode
 
 

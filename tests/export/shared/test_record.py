@@ -10,8 +10,8 @@ import pytest
 from pipeline.data.keys import file_hash
 from pipeline.data.names import EXPORT_RECORD
 from pipeline.export import EXPORTERS, ExportError
-from pipeline.export.shared.record import check_export, entries, read_record
-from tests.export.running import run
+from pipeline.export.shared.record import entries, read_record
+from tests.export.running import check_export, run
 from tests.synthetic import episode_path, make_episode
 
 

@@ -13,13 +13,13 @@ from pipeline.data.intact import intact_episodes, intact_failures, kept_failures
 from pipeline.data.slots.reread import IndexWriter
 from pipeline.export import EXPORTERS, Job
 from pipeline.export.shared.episodes import FAILURES, ExportError
-from pipeline.export.shared.record import check_export
 from pipeline.motion.models import motion_from_json
 from pipeline.run.checks.verify import verify
 from pipeline.run.names import recipe_from
 from pipeline.run.slot.fill import FillJob, fill_slot
 from pipeline.run.state import DONE, GONE, IMAGES, PHYSICS, SlotState, missing, states
 from pipeline.tasks import TASKS
+from tests.export.running import check_export
 from tests.recording import record_all
 from tests.synthetic import make_episode
 
