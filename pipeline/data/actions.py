@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pipeline.poses import Floats, Pose, compose, inverse, quat_from_matrix, quat_to_matrix
 
-from .names import SIDES, sides_of
+from .names import sides_of
 
 ACTIONS = ("joints", "ee", "ee-relative", "ee-delta", "joints-relative", "joints-delta")
 ROTATIONS = {
@@ -206,20 +206,6 @@ class ActionCodec:
         rotations = rotations_of(poses[..., 3:], self.representation.rotation)
         rows = np.concatenate([poses[..., :3], rotations, grippers[..., None]], -1)
         return rows.reshape(len(rows), -1)
-
-
-def pad_arms(
-    actions: Floats, representation: Representation, vector_names: Sequence[str]
-) -> Floats:
-    """Tool poses (T,D) of one arm as actions of two (T,2D): the other is at zero with a closed
-    gripper.
-    """
-    sides = sides_of(vector_names)
-    if len(sides) == len(SIDES):
-        return actions
-    missing = np.zeros_like(actions)
-    missing[:, 3:-1] = rotations_of(np.array([1.0, 0.0, 0.0, 0.0]), representation.rotation)
-    return np.hstack([actions, missing] if sides == SIDES[:1] else [missing, actions])
 
 
 def rotations_of(q: ArrayLike, rotation: str) -> Floats:

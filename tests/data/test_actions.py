@@ -16,7 +16,6 @@ from pipeline.data.actions import (
     ActionCodec,
     Representation,
     continuous_signs,
-    pad_arms,
     quaternions_of,
     rotations_of,
 )
@@ -164,23 +163,6 @@ def test_relative_poses_do_not_depend_on_the_frame_and_absolute_ones_are_of_the_
     assert np.allclose(back[:, :3], rows["ee", "world"][:, :3], atol=1e-12)
     names = Representation("ee").names(NAMES)
     assert names[:4] == ("left_x", "left_y", "left_z", "left_qw")
-
-
-@pytest.mark.parametrize("rotation", ROTATIONS)
-@pytest.mark.parametrize("side", ["left", "right"])
-def test_a_missing_arm_is_padded_with_no_motion(rotation, side):
-    names = tuple(name for name in NAMES if name.startswith(side))
-    representation = Representation("ee", rotation)
-    codec = ActionCodec(representation, names, ARMS)
-    commanded = episode(3)[0][:, :7]
-    rows = codec.encode(commanded, commanded)
-    wide = pad_arms(rows, representation, names)
-    own, missing = np.hsplit(wide, 2) if side == "left" else np.hsplit(wide, 2)[::-1]
-    assert np.array_equal(own, rows)
-    assert not missing[:, :3].any()
-    assert not missing[:, -1].any()
-    still = quaternions_of(missing[:, 3:-1], rotation)
-    assert np.array_equal(still, np.broadcast_to([1.0, 0, 0, 0], still.shape))
 
 
 def test_unknown_words_are_refused():

@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.data.actions import JOINTS, ActionCodec, Representation, pad_arms
+from pipeline.data.actions import JOINTS, ActionCodec, Representation
 from pipeline.data.episode.events import exchanged
 from pipeline.data.episode.file import EpisodeError, EpisodeFile
 from pipeline.data.episode.meta import EpisodeMeta
 from pipeline.data.episode.state_log import StateLog
 from pipeline.data.errors import DominoError
-from pipeline.data.names import SIDES, exported_names
+from pipeline.data.names import exported_names
 from pipeline.data.process.machine import directories
 from pipeline.data.slots import select
 from pipeline.data.spec import EpisodeSpec
@@ -29,8 +29,6 @@ EPISODES, FAILURES = "episodes", "failures"
 CLOCK_TOLERANCE = 1e-6  # s
 TOOL_TOLERANCE = 1e-3  # m and rad
 Progress = Callable[[int], object] | None
-
-PAD = "pad_"
 
 
 class ExportError(DominoError): ...
@@ -91,16 +89,7 @@ class Facts:
         return self.names_in(self.representation)
 
     def names_in(self, representation: Representation) -> list[str]:
-        names = list(representation.names(self.log.vector_names))
-        if not representation.poses or not self.padded:
-            return names
-        pads = [f"{PAD}{i}" for i in range(len(names))]
-        return names + pads if self.log.sides == SIDES[:1] else pads + names
-
-    @property
-    def padded(self) -> bool:
-        names = self.log.vector_names
-        return len(self.log.sides) < len(SIDES) and any(name.startswith(PAD) for name in names)
+        return list(representation.names(self.log.vector_names))
 
     @property
     def action(self) -> Floats:
@@ -109,12 +98,10 @@ class Facts:
 
     def written(self, commanded: Floats, representation: Representation) -> Floats:
         """Joint targets (T,A) as (T,D). Raises ExportError for another robot."""
-        names = self.log.vector_names
-        codec = self._codec if representation.poses else ActionCodec(JOINTS, names)
+        joints = ActionCodec(JOINTS, self.log.vector_names)
+        codec = self._codec if representation.poses else joints
         codec = replace(codec, representation=representation)
-        actions = codec.encode(commanded, codec.references(self.log.action, self.log.state))
-        padded = representation.poses and self.padded
-        return pad_arms(actions, representation, names) if padded else actions
+        return codec.encode(commanded, codec.references(self.log.action, self.log.state))
 
     @cached_property
     def _codec(self) -> ActionCodec:

@@ -2,7 +2,6 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +24,6 @@ from .format import (
     features_of,
     image_key,
     modality,
-    widen,
 )
 from .options import INDEX, LerobotOptions, datasets_of, index_row
 from .videos import Prepared, prepare_all
@@ -61,11 +59,10 @@ class LerobotExporter[O: LerobotOptions](Exporter[O]):
         specs, options = list[EpisodeSpec](), job.options
         workers = min(job.workers, len(paths))
         try:
-            for prepared in prepare_all(paths, job.dataset, options, workers):
-                episode = replace(prepared, facts=widen(prepared.facts, options.pad))
+            for episode in prepare_all(paths, job.dataset, options, workers):
                 writer = writer or self.writer(draft, root, episode.facts, options)
                 writer.append(episode)
-                specs.append(prepared.facts.spec)
+                specs.append(episode.facts.spec)
                 job.advance()
         finally:
             if writer is not None:

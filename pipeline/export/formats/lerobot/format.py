@@ -1,7 +1,6 @@
 """What a robot does not know is outside of `observation.`, which policies take for an input."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -18,13 +17,12 @@ from pipeline.export.shared.derived import (
     label_values,
     trace_of,
 )
-from pipeline.export.shared.episodes import PAD, ExportError, Facts
+from pipeline.export.shared.episodes import Facts
 from pipeline.export.shared.script import script_of
 from pipeline.export.shared.statistics import Stats
 from pipeline.export.shared.tables import SCALAR_TYPES
 from pipeline.export.shared.video import Codec
 from pipeline.motion.recorded import path_ahead
-from pipeline.poses import Floats
 
 POSE_NAMES = ["x", "y", "z", "qw", "qx", "qy", "qz"]
 EVENT = "event.kind"
@@ -58,27 +56,6 @@ def features_of(facts: Facts, codec: Codec, names: Mapping[str, str]) -> dict[st
     return features | {
         name: {"dtype": kind, "shape": [1], "names": None} for name, kind in CLOCK_FEATURES.items()
     }
-
-
-def widen(facts: Facts, width: int | None) -> Facts:
-    """Zeros in the place of a missing arm, else at the end. Raises ExportError for wider
-    vectors."""
-    log, own = facts.log, len(facts.log.vector_names)
-    if width is None or width == own:
-        return facts
-    if width < own:
-        raise ExportError(f"--pad {width}: vectors have {own} numbers; choose {own} or more")
-    more = width - own
-    before, after = (more, 0) if log.sides == SIDES[1:] else (0, more)
-
-    def filled(values: Floats) -> Floats:
-        return np.pad(values, ((0, 0), (before, after)))
-
-    pads = tuple(f"{PAD}{i}" for i in range(more))
-    names = (*pads[:before], *log.vector_names, *pads[before:])
-    expert = None if log.expert_action is None else filled(log.expert_action)
-    wide = replace(log, vector_names=names, state=filled(log.state), action=filled(log.action))
-    return replace(facts, log=replace(wide, expert_action=expert))
 
 
 def _vectors(facts: Facts, names: Mapping[str, str]) -> dict[str, tuple[list[str], NDArray[Any]]]:
@@ -206,8 +183,6 @@ def _slices(
     """GR00T's 6-D rotations are rows, ours columns: no type names them."""
     parts: dict[str, dict[str, Any]] = {}
     for i, name in enumerate(names):
-        if name.startswith(PAD):
-            continue
         side, _, number = name.partition("_")
         kind = "gripper" if number == "gripper" else "joints"
         if representation.poses and kind == "joints":

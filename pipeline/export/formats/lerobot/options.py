@@ -39,11 +39,6 @@ class LerobotOptions(LabelOptions):
     per_task: bool = option(
         "one dataset for every task and level, with an index.json", default=False
     )
-    pad: int | None = option(
-        "width of state and action, filled with zeros where one arm is missing: 14 or 16",
-        whole(2, 64),
-        None,
-    )
     camera_names: Mapping[str, str] = camera_names_option()
     after_success: float | None = option(
         "seconds after the success with which episodes end, negative for before it; without it they"
