@@ -1,9 +1,9 @@
-"""Faults of templates and sentences, for tests and `check-task`."""
+"""Faults of templates, for tests and `check-task`."""
 
 import re
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Collection, Sequence
 
-from .sentences import MOVING, NAMED_ARM, Wording, crowded, slots
+from .sentences import MOVING, crowded, slots
 
 MOTION = re.compile(
     r"\b(mov(?:es|ing)|on the move|in"
@@ -17,11 +17,6 @@ MOTION = re.compile(
 _ARTICLE = re.compile(r"\b(?:the|a|an)\s+\{(\w+)", re.IGNORECASE)
 _POSSESSIVE = re.compile(r"\{(\w+)(?::\w+)?\}'s\b")
 _SLOT_NAME = re.compile(r"\{\w+")
-_TWO_ARMS = re.compile(
-    r"\b(?:other|second) (?:arm|hand|gripper)\b|\b(?:both|two) (?:of your"
-    r" )?(?:arms|hands|grippers)\b|two-handed",
-    re.IGNORECASE,
-)
 
 
 def check_templates(
@@ -60,28 +55,3 @@ def check_templates(
             wrong.append(f"{template!r} {fault}")
     if wrong:
         raise ValueError("; ".join(wrong))
-
-
-def faults(text: str, wording: Wording) -> list[str]:
-    """What is wrong with an instruction for a scene, by name."""
-    return [name for name, wrong in CHECKS.items() if wrong(text, wording)]
-
-
-def _matches(pattern: str | re.Pattern[str]) -> Callable[[str, Wording], bool]:
-    return lambda text, _: bool(re.search(pattern, text))
-
-
-def _wrong_arm(text: str, wording: Wording) -> bool:
-    acting = set(wording.arms.values())
-    named = {side.lower() for side in NAMED_ARM.findall(text)}
-    return not named <= acting or (len(acting) < 2 and bool(_TWO_ARMS.search(text)))
-
-
-CHECKS: dict[str, Callable[[str, Wording], bool]] = {
-    "slot leak": _matches(r"[{}~_]|\s\s|\s[,;:.!?]|[,;:.!?]{2}|[,;:][^\s]|\A\s|\s\Z"),
-    "start or end": _matches(r"\A(?![A-Z].*\w[.!?]\Z)|[.!?]\s+[a-z]"),
-    "article": _matches(r"(?i)\b(a [aeiou]\w+|an [^aeiou\W]\w*|(the|an?) (the|an?))\b"),
-    "word twice running": _matches(r"(?i)\b(\w+) \1\b"),
-    "motion at level 0": lambda text, wording: not wording.moving and bool(MOTION.search(text)),
-    "arm": _wrong_arm,
-}

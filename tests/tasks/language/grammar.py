@@ -1,9 +1,10 @@
-"""The English of the library's own instructions, beyond what `check-task` asks of a stranger's."""
+"""The English of the library's own instructions; `check-task` asks a stranger's templates alone."""
 
 import re
+from collections.abc import Callable
 from itertools import combinations
 
-from pipeline.tasks.language import check
+from pipeline.tasks.language.check import MOTION
 from pipeline.tasks.language.sentences import CLAUSE, NAMED_ARM, Wording, crowded, nouns, singular
 
 _THEY = re.compile(r"\b(they|them|their|these|those)\b", re.IGNORECASE)
@@ -32,11 +33,16 @@ _WITH_S = (
 _CAUSE = "let|make|have|see|watch"
 _WHEN = "while|as|when|once|after|until|before|that|where|which|because|if"
 
+_TWO_ARMS = re.compile(
+    r"\b(?:other|second) (?:arm|hand|gripper)\b|\b(?:both|two) (?:of your"
+    r" )?(?:arms|hands|grippers)\b|two-handed",
+    re.IGNORECASE,
+)
+
 
 def faults(text: str, wording: Wording) -> list[str]:
     """What is wrong with an instruction for a scene, by name."""
-    grammar = [name for name, wrong in GRAMMAR.items() if wrong(text, wording)]
-    return check.faults(text, wording) + grammar
+    return [name for name, wrong in (CHECKS | GRAMMAR).items() if wrong(text, wording)]
 
 
 def _find_names(text: str, wording: Wording) -> list[str]:
@@ -92,6 +98,25 @@ def _is_misattached(text: str, wording: Wording) -> bool:
             return True
     return crowded(text)
 
+
+def _matches(pattern: str | re.Pattern[str]) -> Callable[[str, Wording], bool]:
+    return lambda text, _: bool(re.search(pattern, text))
+
+
+def _wrong_arm(text: str, wording: Wording) -> bool:
+    acting = set(wording.arms.values())
+    named = {side.lower() for side in NAMED_ARM.findall(text)}
+    return not named <= acting or (len(acting) < 2 and bool(_TWO_ARMS.search(text)))
+
+
+CHECKS: dict[str, Callable[[str, Wording], bool]] = {
+    "slot leak": _matches(r"[{}~_]|\s\s|\s[,;:.!?]|[,;:.!?]{2}|[,;:][^\s]|\A\s|\s\Z"),
+    "start or end": _matches(r"\A(?![A-Z].*\w[.!?]\Z)|[.!?]\s+[a-z]"),
+    "article": _matches(r"(?i)\b(a [aeiou]\w+|an [^aeiou\W]\w*|(the|an?) (the|an?))\b"),
+    "word twice running": _matches(r"(?i)\b(\w+) \1\b"),
+    "motion at level 0": lambda text, wording: not wording.moving and bool(MOTION.search(text)),
+    "arm": _wrong_arm,
+}
 
 GRAMMAR = {
     "repeated noun": _repeats,

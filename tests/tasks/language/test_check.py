@@ -8,11 +8,10 @@ import pytest
 
 from pipeline.tasks import TASKS
 from pipeline.tasks.contract import Draw
-from pipeline.tasks.language.check import CHECKS
 from pipeline.tasks.language.sentences import Wording, instructions
 from pipeline.tasks.layout import lay_out
 from pipeline.world.objects.contract import Words
-from tests.tasks.language.grammar import GRAMMAR, faults
+from tests.tasks.language.grammar import CHECKS, GRAMMAR, faults
 
 CUP = Words("cup", ("cup", "red cup", "cup with an orange stripe"), ("tumbler",))
 BASKET = Words("bread basket", ("bread basket", "basket with a brown handle"), ("wicker tray",))
