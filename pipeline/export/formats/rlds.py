@@ -13,7 +13,7 @@ import numpy as np
 from pipeline.data.episode.file import EpisodeFile
 from pipeline.export.exporter import Exporter, Job, register
 from pipeline.export.options import ImageOptions, LabelOptions, option, whole
-from pipeline.export.shared.derived import label_names, label_values, labelled
+from pipeline.export.shared.derived import label_values, labelled
 from pipeline.export.shared.draft import ExportDraft
 from pipeline.export.shared.episodes import (
     FAILURES,
@@ -47,23 +47,21 @@ class Rlds(Exporter[RldsOptions]):
 
     def write(self, job: Job[RldsOptions], draft: ExportDraft) -> dict[str, Any]:
         frames, cameras, directories = 0, dict[str, str](), list[str]()
-        groups = group_episodes(job.episodes, _name)
-        for name, paths in groups.items():
-            directory, features, facts = draft.folder / name / VERSION, dict[str, Any](), None
+        for name, paths in group_episodes(job.episodes, _name).items():
+            directory, kinds, sizes = draft.folder / name / VERSION, dict[str, Any](), []
             directories.append(f"{name}/{VERSION}")
+            with reading(paths[0]) as file:
+                split = FAILURES if file.meta.failure else "train"
+                first = read_facts(file, job.dataset)
+            cameras |= exported_cameras(first, job.options.camera_names)
+            shards = list(batched(paths, job.options.shard_episodes))
             with closing(Provenance(directory / PROVENANCE, draft)) as rows:
-                for path in paths:
-                    with reading(path) as file:
-                        facts = read_facts(file, job.dataset, None, job.options.representation)
-                        described = features_of(file, facts, job.options)
-                    if described != (features := features or described):
-                        raise ExportError(f"{facts.source}: has other sensors than {paths[0]}")
-                    cameras |= exported_cameras(facts, job.options.camera_names)
-                    rows.append(facts)
+                for number, shard in enumerate(shards):
+                    file_name = f"{name}-{split}.tfrecord-{number:05d}-of-{len(shards):05d}"
+                    messages = _messages(job, shard, rows, kinds)
+                    sizes.append(write_records(directory / file_name, messages))
             frames += rows.frames
-            split = FAILURES if facts and facts.meta.failure else "train"
-            write_json(directory / "features.json", features)
-            sizes = _write_shards(job, directory, f"{name}-{split}", paths)
+            write_json(directory / "features.json", _nested(kinds))
             write_json(directory / "dataset_info.json", _info(name, split, sizes))
         counts = {"episodes": len(job.episodes), "frames": frames}
         return counts | {"cameras": cameras, "directories": directories}
@@ -73,42 +71,41 @@ def _name(spec: Any) -> str:
     return "domino_" + re.sub(r"[^a-z0-9]+", "_", spec.embodiment.lower())
 
 
-def _write_shards(
-    job: Job[RldsOptions], directory: Path, name: str, paths: Sequence[Path]
-) -> list[list[int]]:
-    shards = list(batched(paths, job.options.shard_episodes))
-    sizes: list[list[int]] = []
-    for number, shard in enumerate(shards):
-        made = directory / f"{name}.tfrecord-{number:05d}-of-{len(shards):05d}"
-        sizes.append(write_records(made, _messages(job.dataset, shard, job.options)))
-        for _ in shard:
-            job.advance()
-    return sizes
-
-
-def _messages(dataset: Path, shard: Sequence[Path], options: RldsOptions) -> Iterator[bytes]:
+def _messages(
+    job: Job[RldsOptions], shard: Sequence[Path], rows: Provenance, kinds: dict[str, Any]
+) -> Iterator[bytes]:
+    """Messages of episodes, which are noted in `rows`; their features must be those in `kinds`,
+    which the first fills."""
     for path in shard:
         with reading(path) as file:
-            facts = read_facts(file, dataset, representation=options.representation)
-            yield example(episode_features(file, facts, options))
+            facts = read_facts(file, job.dataset, None, job.options.representation)
+            features = episode_features(file, facts, job.options)
+        own = {name: kind for name, (kind, _) in features.items()}
+        if kinds not in ({}, own):
+            raise ExportError(f"{facts.source}: has other sensors than the episodes before it")
+        kinds |= own
+        rows.append(facts)
+        yield example({name: value for name, (_, value) in features.items()})
+        job.advance()
 
 
-def episode_features(file: EpisodeFile, facts: Facts, options: RldsOptions) -> dict[str, Value]:
-    """Values of an episode by feature; those of steps one after another."""
+def episode_features(
+    file: EpisodeFile, facts: Facts, options: RldsOptions
+) -> dict[str, tuple[dict[str, Any], Value]]:
+    """Kinds and values of an episode by feature; values of steps one after another."""
     count, frames = len(facts), np.arange(len(facts))
     last, success = frames == count - 1, facts.meta.failure is None
-    values: dict[str, Value] = {
-        "steps/observation/state": facts.log.state.astype(np.float32).ravel(),
-        "steps/action": facts.action.astype(np.float32).ravel(),
-        "steps/language_instruction": [text.encode() for text in facts.spoken],
-        "steps/reward": (last & success).astype(np.float32),
-        "steps/discount": np.ones(count, np.float32),
-        "steps/is_first": (frames == 0).astype(np.int64),
-        "steps/is_last": last.astype(np.int64),
-        "steps/is_terminal": (last & success).astype(np.int64),
+    flags = {"is_first": frames == 0, "is_last": last, "is_terminal": last & success}
+    vectors = {"observation/state": facts.log.state, "action": facts.action}
+    vectors |= label_values(facts, options.labels)
+    scalars = {"reward": last & success, "discount": np.ones(count)}
+    features: dict[str, tuple[dict[str, Any], Value]] = {
+        "steps/language_instruction": (TEXT, [text.encode() for text in facts.spoken]),
+        **{f"steps/{n}": (_tensor("bool"), flag.astype(np.int64)) for n, flag in flags.items()},
     }
-    for name, rows in label_values(facts, options.labels).items():
-        values[f"steps/{name}"] = rows.astype(np.float32).ravel()
+    for name, rows in (vectors | scalars).items():
+        kind = _tensor("float32", *rows.shape[1:])
+        features[f"steps/{name}"] = kind, rows.astype(np.float32).ravel()
     texts = {"file_path": facts.source}
     if options.labels:
         texts["objects"] = ",".join(labelled(facts))
@@ -120,47 +117,45 @@ def episode_features(file: EpisodeFile, facts: Facts, options: RldsOptions) -> d
             texts[name] = value
         else:
             dtype: Any = np.int64 if kind is int else np.float32
-            values[f"episode_metadata/{name}"] = np.array([value], dtype)
-    values |= {f"episode_metadata/{name}": [text.encode()] for name, text in texts.items()}
+            number = _tensor(np.dtype(dtype).name), np.array([value], dtype)
+            features[f"episode_metadata/{name}"] = number
+    for name, text in texts.items():
+        features[f"episode_metadata/{name}"] = TEXT, [text.encode()]
     for camera, name in exported_cameras(facts, options.camera_names).items():
         images = file.array(f"observation/{camera}/rgb")
         coded = [reencode(bytes(image), "rgb", options.size) for image in images]
-        values[f"steps/observation/{name}"] = coded
+        kind = _image((*(options.size or facts.size), 3), "uint8", "jpeg")
+        features[f"steps/observation/{name}"] = kind, coded
         if file.has(f"observation/{camera}/depth"):
-            values[f"steps/observation/depth_{name}"] = coded_images(file, camera, DEPTH)
-    return values
+            kind, maps = (
+                _image((*facts.size, 1), "uint16", "png"),
+                coded_images(file, camera, DEPTH),
+            )
+            features[f"steps/observation/depth_{name}"] = kind, maps
+    return features
 
 
-def features_of(file: EpisodeFile, facts: Facts, options: RldsOptions) -> dict[str, Any]:
-    width, size = len(facts.log.vector_names), options.size or facts.size
-    observation: dict[str, Any] = {"state": _tensor("float32", width)}
-    for camera, name in exported_cameras(facts, options.camera_names).items():
-        observation[name] = _image((*size, 3), "uint8", "jpeg")
-        if file.has(f"observation/{camera}/depth"):
-            observation[f"depth_{name}"] = _image((*facts.size, 1), "uint16", "png")
-    text = {"text": {}, "pythonClassName": _class("text_feature.Text")}
-    step = {
-        "observation": _group(observation),
-        "action": _tensor("float32", len(facts.action_names)),
-        "language_instruction": text,
-        **{name: _tensor("float32") for name in ("reward", "discount")},
-        **{name: _tensor("bool") for name in ("is_first", "is_last", "is_terminal")},
-    }
-    for name, parts in label_names(options.labels).items():
-        step[name] = _tensor("float32", len(parts))
-    kinds = {str: text, int: _tensor("int64"), float: _tensor("float32")}
-    metadata = {"file_path": text} | {name: kinds[kind] for name, kind in SCALARS.items()}
-    metadata |= {"objects": text} if options.labels else {}
-    metadata |= {"dataset": text} if facts.dataset else {}
+def _nested(kinds: Mapping[str, Any]) -> dict[str, Any]:
+    """The features of a dataset as TensorFlow Datasets groups them."""
+
+    def below(prefix: str) -> dict[str, Any]:
+        return {n.removeprefix(prefix): kind for n, kind in kinds.items() if n.startswith(prefix)}
+
+    step = {name: kind for name, kind in below("steps/").items() if "/" not in name}
+    step["observation"] = _group(below("steps/observation/"))
     steps = {
         "sequence": {"feature": _group(step), "length": "-1"},
         "pythonClassName": _class("dataset_feature.Dataset"),
     }
-    return _group({"steps": steps, "episode_metadata": _group(metadata)})
+    metadata = _group(below("episode_metadata/"))
+    return _group({"steps": steps, "episode_metadata": metadata})
 
 
 def _class(name: str) -> str:
     return f"tensorflow_datasets.core.features.{name}"
+
+
+TEXT = {"text": dict[str, Any](), "pythonClassName": _class("text_feature.Text")}
 
 
 def _group(features: Mapping[str, Any]) -> dict[str, Any]:
