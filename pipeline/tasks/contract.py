@@ -108,8 +108,9 @@ class Draw:
         return draw_one(self._objects, **given)
 
     def place(self, name: str, *families: str, x: Span, y: Span, **more: Any) -> Placement:
-        """A body of one of `families`, or of that of its name, in the region `x`, `y` (m); `more`
-        are fields of Region and Placement, and parameters of the family that are not drawn."""
+        """A body of one of `families`, or of that of its name, in the region `x`, `y` (m).
+        `more` are fields of Region and Placement, and parameters of the family that are not
+        drawn."""
         region, placed = (
             {key: more.pop(key) for key in kind.__dataclass_fields__.keys() & more.keys()}
             for kind in (Region, Placement)
