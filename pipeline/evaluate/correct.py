@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.data.clock import PHYSICS_HZ
 from pipeline.data.names import SIDES
 from pipeline.data.recipe.model import Recipe
 from pipeline.data.setup import Setup
@@ -23,7 +22,7 @@ from pipeline.stages.replay import Replay, finish
 from pipeline.stages.scene import Scene
 from pipeline.world.robots import get_embodiment
 
-from .actions import ActionError, interpolate_targets
+from .actions import ActionError
 from .asking import AskedPolicy
 from .episode import start_of
 from .names import policy_name
@@ -165,9 +164,6 @@ class _Turn:
                 raise Failure(STAGE, "takeover_late", f"the policy moved the {name} before")
 
     def _execute(self, action: Floats) -> None:
-        trial, before = self._trial, self._actor.simulation.command
-        seconds = trial.per_period / PHYSICS_HZ
-        target = trial.limits.clipped(action, before, seconds)
-        rows, velocity = interpolate_targets(before, target, trial.per_period, seconds)
+        rows, velocity = self._trial.targets(action)
         for row in rows:
             self._actor.advance(row, velocity)

@@ -152,10 +152,6 @@ class Manifests:
             raise ProtocolError(f"{path}: is of another cell, seed or setup: delete it")
         return manifest
 
-    def short(self, cells: Sequence[Cell], episodes: int) -> bool:
-        """Whether a cell has too few admitted seeds yet. Raises ProtocolError."""
-        return any(len(self.read(cell).cases) < episodes for cell in cells)
-
     def admitted(self, cells: Sequence[Cell], episodes: int, run: Runner) -> dict[Cell, list[Case]]:
         """The first cases of every cell; the expert finds missing ones. Raises ProtocolError."""
         manifests = {cell: self.read(cell) for cell in cells}

@@ -74,16 +74,20 @@ class Trial:
     def advance(self, action: Floats) -> None:
         """One control period: drive targets go linearly to `action` (A,), clipped to the limits.
         Raises ActionError."""
-        before, seconds = self.simulation.command, self.per_period / PHYSICS_HZ
         action = check_action(action, self.length)
         self._commands.append(np.array([self._waited, *action]))
         self._waited = 0
-        target = self.limits.clipped(action, before, seconds)
-        rows, velocity = interpolate_targets(before, target, self.per_period, seconds)
+        rows, velocity = self.targets(action)
         for row in rows:
             if self.ending:
                 return
             self._step(row, velocity)
+
+    def targets(self, action: Floats) -> tuple[Floats, Floats]:
+        """Drive targets (steps,A) of a control period, and their velocity (A,)."""
+        before, seconds = self.simulation.command, self.per_period / PHYSICS_HZ
+        target = self.limits.clipped(action, before, seconds)
+        return interpolate_targets(before, target, self.per_period, seconds)
 
     def hold(self, steps: int) -> None:
         """Advance by physics steps while the robot keeps its last command."""

@@ -32,9 +32,6 @@ PREFIXES = (
 """Variables that the process gets: secrets may have any other name."""
 
 
-class Ended(ConnectionLost): ...
-
-
 class Process:
     """A process with a policy, which ends with the connection or if an answer is late."""
 
@@ -89,14 +86,14 @@ class Process:
         self._late = True
         _kill(self._process)
 
-    def _describe_end(self) -> Ended:
+    def _describe_end(self) -> ConnectionLost:
         with suppress(subprocess.TimeoutExpired):
             self._process.wait(END_SECONDS)
         code = self._process.poll()
         if code is None:
-            return Ended("the policy's process closed its connection")
+            return ConnectionLost("the policy's process closed its connection")
         status = f"by signal {-code}" if code < 0 else f"with code {code}"
-        return Ended(f"the policy's process ended {status}")
+        return ConnectionLost(f"the policy's process ended {status}")
 
 
 def refusal_frame(reason: str, code: int) -> bytes:

@@ -28,11 +28,8 @@ class ConnectionLost(NoAnswer): ...
 class Unreachable(PolicyError): ...
 
 
-class Occupied(Unreachable): ...
-
-
 def fault_of(reason: str, code: int | None) -> DominoError:
-    kinds = {INVALID: ActionError, REFUSED: PolicyError, BUSY: Occupied}
+    kinds = {INVALID: ActionError, REFUSED: PolicyError, BUSY: Unreachable}
     return kinds.get(code or 0, NoAnswer)(reason)
 
 
