@@ -5,7 +5,7 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from typing import IO, Any, Literal
+from typing import Any, Literal
 
 from tqdm import tqdm
 
@@ -85,15 +85,9 @@ class Bar(Progress):
 class JsonLines(Progress):
     """One JSON object a change, on a line of its own (docs/cluster.md names the keys)."""
 
-    def __init__(
-        self,
-        wanted: int,
-        done: int,
-        out: IO[str] | None = None,
-        clock: Callable[[], float] = time.monotonic,
-    ) -> None:
+    def __init__(self, wanted: int, done: int) -> None:
         super().__init__(wanted, done)
-        self._out, self._clock, self._began = out or sys.stdout, clock, clock()
+        self._began = time.monotonic()
         self._show("start", {})
 
     def write_line(self, text: str) -> None:
@@ -102,7 +96,7 @@ class JsonLines(Progress):
     show_activity = write_line
 
     def _show(self, event: str, place: Mapping[str, Any]) -> None:
-        seconds, ended = self._clock() - self._began, self.accepted + self.given_up
+        seconds, ended = time.monotonic() - self._began, self.accepted + self.given_up
         left = self.wanted - self.done
         names = ("wanted", "done", "accepted", "given_up", "attempts", "failures")
         counts = {name: getattr(self, name) for name in names} | {"workers_lost": self.lost}
@@ -114,7 +108,7 @@ class JsonLines(Progress):
         self._write({"event": event, **place, **counts, **pace})
 
     def _write(self, values: Mapping[str, Any]) -> None:
-        print(json.dumps(values), file=self._out, flush=True)
+        print(json.dumps(values), flush=True)
 
 
 SHOWN: dict[Kind, Callable[[int, int], Progress]] = {

@@ -13,6 +13,7 @@ from contextlib import chdir, contextmanager, redirect_stdout
 from functools import cache
 from typing import Any
 
+from pipeline.data.errors import one_line
 from pipeline.data.process.machine import PLUGINS
 
 from .contract import SINGLE_THREAD, Crew, CrewError
@@ -135,11 +136,6 @@ def _check_cluster(address: str) -> None:
             " --address, or set RAY_AUTH_MODE, RAY_AUTH_TOKEN and the version of Ray to the"
             " cluster's (docs/cluster.md)"
         )
-
-
-def one_line(error: object) -> str:
-    """A message on one line, at most 300 characters."""
-    return " ".join(str(error).split())[:300]
 
 
 @contextmanager

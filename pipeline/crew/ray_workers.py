@@ -13,11 +13,10 @@ from typing import Any, Literal
 import ray
 from ray.exceptions import RayError, RayTaskError
 
-from pipeline.data.errors import DominoError
+from pipeline.data.errors import DominoError, one_line
 from pipeline.plugins import load_plugins
 
 from .contract import Check, Crew, CrewError, Done, Make, RunningJob
-from .ray_session import one_line
 
 _START_SECONDS = 300.0
 """What a new worker may take until it is ready: a place on the cluster, a process, imports."""

@@ -13,7 +13,7 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from .atomic import atomic_path, write_atomic
-from .errors import DominoError, describe_error
+from .errors import DominoError, describe_error, one_line
 from .keys import seal_yaml
 from .names import RETIRED
 from .parsing import parse_json
@@ -168,7 +168,7 @@ class Dataset(Paths):
         except FileNotFoundError:
             return {}
         except (OSError, ValueError) as error:
-            what = getattr(error, "strerror", None) or " ".join(str(error).split())
+            what = getattr(error, "strerror", None) or one_line(error)
             raise DatasetError(
                 f"{self.provenance}: cannot be read ({what}); run the build again"
             ) from error
@@ -189,7 +189,7 @@ class Dataset(Paths):
             return table.cast(pa.schema([ATTEMPTS.field(name) for name in names])).to_pylist()
         except (OSError, ValueError, TypeError, KeyError, pa.ArrowException) as error:
             raise DatasetError(
-                f"{self.attempts}: cannot be read ({' '.join(str(error).split())[:200]}); delete it"
+                f"{self.attempts}: cannot be read ({one_line(error)}); delete it"
                 " and run the build again"
             ) from error
 

@@ -33,7 +33,12 @@ def refusal(error: OSError) -> str:
     """What the system refused, in its words, and the fix if there is one."""
     if fix := FIXES.get(error.errno or 0):
         return f"{os.strerror(error.errno or 0)}: {fix}"
-    return " ".join((error.strerror or str(error)).split())
+    return one_line(error.strerror or error)
+
+
+def one_line(error: object, most: int = 200) -> str:
+    """An error's message on one line, or its type if it has none."""
+    return " ".join(str(error).split())[:most] or type(error).__name__
 
 
 def check_directory(path: Path) -> None:

@@ -8,7 +8,7 @@ from typing import Any
 
 import yaml
 
-from .errors import DominoError
+from .errors import DominoError, one_line
 from .reading import open_regular
 
 SHOWN = 80  # characters of a value in a message
@@ -117,7 +117,7 @@ def _parse(kind: str, parse: Callable[[str], Any], text: str | bytes) -> Any:
     except RecursionError as error:
         raise ParseError("is nested too deeply") from error
     except (ValueError, yaml.YAMLError) as error:
-        raise ParseError(f"is not {kind} ({' '.join(str(error).split())[:200]})") from error
+        raise ParseError(f"is not {kind} ({one_line(error)})") from error
 
 
 def _read(path: Path, parse: Callable[[bytes], Any]) -> Any:

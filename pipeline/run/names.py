@@ -154,9 +154,7 @@ def with_originals(recipe: Recipe) -> Recipe:
     RecipeError for one that cannot be read, which with the whole suite `domino` is only named."""
     if recipe.assets is None:
         return recipe
-    from pipeline.intake.objects.originals import provide  # trimesh takes a second
-
-    originals = provide(recipe.assets, drawn_families(recipe))
+    originals = _provide(recipe, recipe.assets)
     notes = [f"not used: {note}" for note in originals.ungraspable]
     if unreadable := originals.unreadable:
         if not set(suites()[DOMINO]) <= set(recipe.tasks):
@@ -179,9 +177,13 @@ def add_originals(recipe: Recipe) -> None:
         and _named(recipe) - set(FAMILIES)
         and set(recipe.tasks) <= set(TASKS)
     ):
-        from pipeline.intake.objects.originals import provide  # trimesh takes a second
+        _provide(recipe, recipe.assets)
 
-        provide(recipe.assets, drawn_families(recipe))
+
+def _provide(recipe: Recipe, assets: str) -> Any:
+    from pipeline.intake.objects.originals import provide  # trimesh takes a second
+
+    return provide(assets, drawn_families(recipe))
 
 
 def _named(recipe: Recipe) -> set[str]:

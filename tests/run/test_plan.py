@@ -1,6 +1,5 @@
 """What a plan says a build will take."""
 
-import io
 import json
 import os
 from pathlib import Path
@@ -151,14 +150,15 @@ def test_an_estimate_widens_with_the_load(monkeypatch):
     assert times[1][1] == pytest.approx(11 * times[0][1])
 
 
-def test_progress_as_json_lines_counts_what_changed():
-    out, clock = io.StringIO(), iter([100.0, 100.0, 110.0, 110.0, 130.0])
-    lines = JsonLines(10, 4, out, lambda: next(clock))
+def test_progress_as_json_lines_counts_what_changed(capsys, monkeypatch):
+    clock = iter([100.0, 100.0, 110.0, 110.0, 130.0])
+    monkeypatch.setattr("pipeline.crew.progress.time.monotonic", lambda: next(clock))
+    lines = JsonLines(10, 4)
     lines.add([attempt_row(0, "failed"), attempt_row(1)])
     lines.count_lost()
     lines.show_activity("compiling")
     lines.add([attempt_row(0, "failed"), attempt_row(1, "failed")])
-    start, slot, lost, note, last = map(json.loads, out.getvalue().splitlines())
+    start, slot, lost, note, last = map(json.loads, capsys.readouterr().out.splitlines())
     assert (start["event"], start["wanted"], start["done"], start["eta_seconds"]) == (
         "start",
         10,

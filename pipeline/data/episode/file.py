@@ -14,6 +14,7 @@ from h5py import h5d, h5g, h5o, h5s  # pyright: ignore[reportAttributeAccessIssu
 from numpy.typing import NDArray
 from pydantic import ValidationError
 
+from pipeline.data.errors import one_line
 from pipeline.data.names import LONGEST, SIDES, is_name, sides_of
 from pipeline.data.parsing import parse_json
 from pipeline.data.spec import EpisodeSpec
@@ -62,7 +63,7 @@ class EpisodeFile(AbstractContextManager["EpisodeFile"]):
             self._bytes = self.path.stat().st_size
         except (OSError, RuntimeError) as error:
             raise EpisodeError(
-                f"{self.path}: cannot be read as HDF5 ({_line(error)}); run the build again"
+                f"{self.path}: cannot be read as HDF5 ({one_line(error)}); run the build again"
             ) from error
         try:
             schema = self._file.attrs.get("schema")
@@ -82,7 +83,7 @@ class EpisodeFile(AbstractContextManager["EpisodeFile"]):
         try:
             yield
         except _FAULTS as error:
-            raise EpisodeError(f"{self.path}: {what} ({_line(error)})") from error
+            raise EpisodeError(f"{self.path}: {what} ({one_line(error)})") from error
 
     def __len__(self) -> int:
         if frames := self._check("timestamp").shape[0]:
@@ -266,10 +267,6 @@ class EpisodeFile(AbstractContextManager["EpisodeFile"]):
             return Episode(
                 self.spec, log, motion, split, self.meta, self.cameras, self.interception(), tried
             )
-
-
-def _line(error: BaseException) -> str:
-    return " ".join(str(error).split())[:200]
 
 
 open_episode = EpisodeFile  # `with open_episode(path) as episode:`

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.data.atomic import Busy
-from pipeline.data.errors import DominoError
+from pipeline.data.errors import DominoError, one_line
 
 CONDITIONAL = ("s3", "s3a", "gs", "gcs", "memory")
 """Stores that can write an object only if it is not there; others are read only."""
@@ -68,7 +68,7 @@ class Store:
             )
         except (ImportError, ValueError) as error:
             fix = "install the package (`uv sync --extra s3` or `--extra gcs` for these two)"
-            raise StoreError(f"{self.url}: {_line(error)}: {fix}") from error
+            raise StoreError(f"{self.url}: {one_line(error)}: {fix}") from error
         return fs, path.rstrip("/")
 
     def list(self) -> dict[str, int]:
@@ -159,10 +159,6 @@ class Store:
         except Exception as error:
             if isinstance(error, FileNotFoundError) and what in ("read", "delete"):
                 return None
-            why = _line(error) if answer.done() else f"no answer for {seconds:.0f} s"
+            why = one_line(error) if answer.done() else f"no answer for {seconds:.0f} s"
             where = f"{self.url}/{name}".rstrip("/")
             raise StoreError(f"cannot {what} {where}: {why}; {FIX}") from error
-
-
-def _line(error: BaseException) -> str:
-    return " ".join(str(error).split())[:200] or type(error).__name__

@@ -19,6 +19,7 @@ from urllib.parse import urlsplit
 from pipeline.data.atomic import exclusive, write_atomic
 from pipeline.data.dataset import Dataset
 from pipeline.data.episode.file import EpisodeError
+from pipeline.data.errors import one_line
 from pipeline.data.recipe.cells import Cell, Slot
 from pipeline.data.slots.files import Paths
 from pipeline.html import render_page
@@ -172,7 +173,7 @@ def viewer_server(dataset: Path, episodes: Sequence[Path], port: int) -> Threadi
             try:
                 answered = answer(self.path.split("?")[0].lstrip("/") or PAGE)
             except (EpisodeError, OSError) as error:
-                return self.send_error(500, " ".join(str(error).split())[:200])
+                return self.send_error(500, one_line(error))
             if answered is None:
                 return self.send_error(404)
             body, kind = answered
