@@ -7,17 +7,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pipeline.data.cameras import CameraType
-from pipeline.poses import Floats, compose, inverse, quat_to_matrix
+from pipeline.poses import Floats, compose, inverse, quat_rotate, quat_to_matrix
 from pipeline.world.physics.body import TABLE_THICKNESS, TABLE_TOP
 
 from .engine import FAR, NEAR
 from .masks import BLOCK, Blocks, Depths
-from .shadows import (
-    SHADOW_CENTRE,
-    SHADOW_HALF_SIZE,
-    SHADOW_MAP,
-    sun_axes,
-)
+from .sensing import rays
+from .shadows import SHADOW_MAP, sun_map
 
 MARGIN = 1e-3  # m, far above the rounding of single precision
 SAME_VIEW = 4  # frames that share a set of visible bodies
@@ -92,20 +88,9 @@ def looked_up(kind: CameraType, camera: Floats, depths: Depths, sun: ArrayLike) 
     """Blocks (3,M,M) of the maps that an image from the pose `camera` (7,), with depth buffer (H,W)
     0-1, was shaded from."""
     forward = NEAR * FAR / (FAR - depths * (FAR - NEAR))
-    pixel = 2 * np.tan(np.radians(kind.fovy) / 2) / kind.height
-    left = (kind.width / 2 - 0.5 - np.arange(kind.width)) * pixel * forward
-    up = ((kind.height / 2 - 0.5 - np.arange(kind.height)) * pixel)[:, None] * forward
-    turn = quat_to_matrix(camera[3:])
-    axes = np.vstack([sun_axes(sun)[:2], (0.0, 0.0, 1.0)]) @ turn
-    start = np.vstack([sun_axes(sun)[:2], (0.0, 0.0, 1.0)]) @ (camera[:3] - SHADOW_CENTRE)
-    x, y, z = (
-        a[0] * forward + a[1] * left + a[2] * up + b for a, b in zip(axes, start, strict=True)
-    )
-    height = z + SHADOW_CENTRE[2]
-    # the map is mirrored in x
-    column, row = (
-        np.floor((of / SHADOW_HALF_SIZE * 0.5 + 0.5) * SHADOW_MAP).astype(int) for of in (-x, y)
-    )
+    at = quat_rotate(camera[3:], rays(kind) * forward[..., None]) + camera[:3]
+    height, move = at[..., 2], sun_map(sun)[:2]
+    column, row = np.moveaxis(np.floor(at @ move[:, :3].T + move[:, 3]).astype(int), -1, 0)
     inside = (column >= 0) & (row >= 0) & (column < SHADOW_MAP) & (row < SHADOW_MAP)
     table = height < TABLE_TOP + NEAR_PLANE
     table &= height > TABLE_TOP - TABLE_THICKNESS - NEAR_PLANE

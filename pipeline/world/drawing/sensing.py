@@ -11,7 +11,7 @@ from numba import njit
 from numpy.random import Generator
 from numpy.typing import ArrayLike, NDArray
 
-from pipeline.data.cameras import View, intrinsics
+from pipeline.data.cameras import CameraType, View, intrinsics
 from pipeline.data.imperfections import Sensors
 from pipeline.poses import Floats, between, quat_rotate
 from pipeline.world.physics.body import TABLE_HALF, TABLE_TOP
@@ -30,7 +30,7 @@ def point_clouds(view: View, count: int = POINTS) -> NDArray[np.float32]:
     zeros."""
     assert view.depth is not None
     step = max(1, view.camera.type.width // COLUMNS)
-    rays = _rays(view)[::step, ::step]
+    directions = rays(view.camera.type)[::step, ::step]
     clouds = np.zeros((len(view.rgb), count, 6), np.float32)
     half = np.array([*TABLE_HALF, 0.0])
     lower, upper = (
@@ -39,7 +39,7 @@ def point_clouds(view: View, count: int = POINTS) -> NDArray[np.float32]:
     )
     depths, images = view.depth[:, ::step, ::step], view.rgb[:, ::step, ::step]
     for cloud, depth, rgb, pose in zip(clouds, depths, images, view.poses, strict=True):
-        points = quat_rotate(pose[3:], rays * (depth[..., None] * 1e-3)) + pose[:3]
+        points = quat_rotate(pose[3:], directions * (depth[..., None] * 1e-3)) + pose[:3]
         inside = (depth > 0) & ((points >= lower) & (points <= upper)).all(-1)
         candidates = points[inside].astype(np.float32)
         if len(candidates):
@@ -49,9 +49,8 @@ def point_clouds(view: View, count: int = POINTS) -> NDArray[np.float32]:
     return clouds
 
 
-def _rays(view: View) -> Floats:
+def rays(kind: CameraType) -> Floats:
     """Rays (H,W,3) of pixels for a depth of 1: x forward, y left, z up."""
-    kind = view.camera.type
     k = intrinsics(kind)
     u, v = np.arange(kind.width) + 0.5, (np.arange(kind.height) + 0.5)[:, None]
     left, up = (k[0, 2] - u) / k[0, 0], (k[1, 2] - v) / k[1, 1]
