@@ -236,7 +236,8 @@ class Renderer(AbstractContextManager["Renderer"]):
         if self._preset.stock:
             camera = scene.take(kind, "rt", at)
             return camera, scene.take(kind, "masks", at) if truth else camera
-        return (scene.take(kind, "raster_masks" if truth else "raster", at),) * 2
+        camera = scene.take(kind, "raster_masks" if truth else "raster", at)
+        return camera, camera
 
     def _read(self, cameras: tuple[Any, Any], view: View, k: int) -> None:
         image = cameras[0].get_picture("Color" if self._preset.stock else "Image")
