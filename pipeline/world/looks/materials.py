@@ -95,6 +95,12 @@ def srgb(color: Color) -> tuple[float, float, float]:
     return triple
 
 
+def shaded(color: Color, factor: float) -> Triple:
+    """The sRGB triple times a factor, at most 1."""
+    r, g, b = (min(1.0, factor * channel) for channel in srgb(color))
+    return r, g, b
+
+
 def glaze(color: Color) -> Material:
     return Material(srgb(color), roughness=0.22)
 

@@ -11,7 +11,7 @@ from scipy.spatial import KDTree
 
 from pipeline.data.errors import DominoError
 from pipeline.poses import Floats
-from pipeline.world.objects.surface import finish
+from pipeline.world.objects.surface import area_vectors, finish
 from pipeline.world.shapes import Material, Mesh, Parts
 
 from .dae import read_dae
@@ -79,12 +79,6 @@ def thinned(points: Floats, faces: Ints, budget: int) -> tuple[Floats, Ints]:
         thin = thin[np.unique(_packed(np.sort(thin, axis=1)), return_index=True)[1]]
         cell *= 1.15
     return kept, thin
-
-
-def area_vectors(points: Floats, faces: Ints) -> Floats:
-    """Outward normals (M,3), twice the face's area long."""
-    a, b, c = points[faces].transpose(1, 0, 2)
-    return np.cross(b - a, c - a)
 
 
 def _packed(rows: Ints) -> Ints:

@@ -11,7 +11,7 @@ from scipy.spatial import ConvexHull
 from pipeline.poses import Floats, pose, quat_about, quat_multiply
 from pipeline.world.shapes import Mesh, deferred, quads
 
-from .surface import box_uv, finish
+from .surface import area_vectors, box_uv, finish
 
 
 def at(mesh: Mesh, position: ArrayLike = (0, 0, 0), quaternion: ArrayLike = (1, 0, 0, 0)) -> Mesh:
@@ -109,8 +109,7 @@ def hull_faces(points: NDArray) -> NDArray[np.integer]:
     """Outward hull triangles (M,3) of `points` (N,3)."""
     hull = ConvexHull(points)
     faces = hull.simplices.copy()
-    a, b, c = points[faces].transpose(1, 0, 2)
-    inward = np.einsum("ij,ij->i", np.cross(b - a, c - a), hull.equations[:, :3]) < 0
+    inward = np.einsum("ij,ij->i", area_vectors(points, faces), hull.equations[:, :3]) < 0
     faces[inward] = faces[inward][:, ::-1]
     return faces
 

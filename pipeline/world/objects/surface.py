@@ -20,9 +20,7 @@ def finish(
     welded = np.zeros((len(keys), 3))
     welded[point_of.ravel()] = points
     faces = point_of.ravel()[faces]
-    area_normal = np.cross(
-        welded[faces[:, 1]] - welded[faces[:, 0]], welded[faces[:, 2]] - welded[faces[:, 0]]
-    )
+    area_normal = area_vectors(welded, faces)
     size = np.linalg.norm(area_normal, axis=1)
     keep = size > 1e-12
     faces, area_normal, size = faces[keep], area_normal[keep], size[keep]
@@ -43,6 +41,12 @@ def finish(
         normals[first].astype(np.float32),
         None if corner_uv is None else corner_uv[first].astype(np.float32),
     )
+
+
+def area_vectors(points: Floats, faces: NDArray) -> Floats:
+    """Outward normals (M,3) of faces (M,3), twice the face's area long."""
+    a, b, c = points[faces].transpose(1, 0, 2)
+    return np.cross(b - a, c - a)
 
 
 def _corner_normals(
@@ -69,8 +73,7 @@ def box_uv(points: ArrayLike, faces: ArrayLike) -> Floats:
     points, faces = np.asarray(points, float), np.asarray(faces, int)
     lower = points.min(0)
     unit = (points - lower) / np.maximum(np.ptp(points, axis=0), 1e-9)
-    a, b, c = points[faces].transpose(1, 0, 2)
-    normal = np.cross(b - a, c - a)
+    normal = area_vectors(points, faces)
     axis = np.argmax(np.abs(normal) * [1.0, 1.0, 1.001], axis=1)
     positive = np.take_along_axis(normal, axis[:, None], 1)[:, 0] > 0
     across = np.array([1, 0, 0])[axis]

@@ -8,7 +8,8 @@ import trimesh
 
 from pipeline.poses import Floats, transform
 from pipeline.world.meshes.part import Ints, MeshError, Part, stacked
-from pipeline.world.meshes.reader import PLAIN, area_vectors, drawn, read_mesh
+from pipeline.world.meshes.reader import PLAIN, drawn, read_mesh
+from pipeline.world.objects.surface import area_vectors
 from pipeline.world.shapes import Parts
 
 from .urdf_file import UrdfError, UrdfShape

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.world.looks.materials import print_texture, printed, srgb
+from pipeline.world.looks.materials import print_texture, printed, shaded, srgb
 from pipeline.world.shapes import Material, Shape
 
 from ...colliders import convex_collider, slab
@@ -140,8 +140,7 @@ class Soap(Parametric):
 
     def shape(self) -> Shape:
         a, b, h, corner = self.length / 2, self.half, self.height, self.corner * self.half
-        r, g, blue = srgb(self.colour)
-        ink = (0.72 * r, 0.72 * g, 0.72 * blue)
+        ink = shaded(self.colour, 0.72)
         pressed = printed(print_texture(self.colour, ink, "pressed", "SOAP"), 0.3)
         size = 1.3 * self.stamp * self.length, 1.3 * self.stamp * self.half
         bar = stack(rounded_rectangle(a, b, corner, 9), ROUND * np.array([h, 1, 1]), 60)

@@ -3,7 +3,7 @@
 import numpy as np
 
 from pipeline.poses import quat_about
-from pipeline.world.looks.materials import glaze, painted, wrapped
+from pipeline.world.looks.materials import glaze, painted, shaded, wrapped
 from pipeline.world.shapes import Material, Mesh, Shape, seen_along
 
 from ...colliders import convex_collider, disc
@@ -68,8 +68,8 @@ class Bread(Parametric):
 
     def shape(self) -> Shape:
         rings = self.rings()
-        crust = _times(CRUSTS[self.crust], self.shade)
-        light = _times(crust, 1.12)
+        crust = shaded(CRUSTS[self.crust], self.shade)
+        light = shaded(crust, 1.12)
         base = rings[0, :, :2]
         levels = [(r[0, 2], *(np.ptp(r[:, :2], axis=0) / np.ptp(base, axis=0))) for r in rings]
         body = seen_along(stack(base, levels, 60), OBLIQUE, 0.07)
@@ -115,11 +115,6 @@ class Bread(Parametric):
             "size": size_word(self.width, WIDTH),
             "form": "bread roll" if self.form == "roll" else self.form,
         }
-
-
-def _times(colour: tuple[float, float, float], factor: float) -> tuple[float, float, float]:
-    r, g, b = (min(1.0, factor * channel) for channel in colour)
-    return r, g, b
 
 
 SKINS = {"ripe": ("red", "maroon"), "unripe": ("green", "lime", "mint")}

@@ -3,7 +3,7 @@
 import numpy as np
 
 from pipeline.poses import quat_about
-from pipeline.world.looks.materials import WOODS, made_of, srgb
+from pipeline.world.looks.materials import WOODS, made_of, shaded
 from pipeline.world.shapes import Material, Shape
 
 from ...colliders import arc_of_capsules, box_collider, cylinder_collider, disc
@@ -47,13 +47,12 @@ class DisplayStand(Parametric):
             plate = stack(square, [(z, x / r, x / r) for x, z in edge], 35)
             felt = extrude(square * 0.88, 0.0006)
             top = box_collider(r, r, t / 2, (0, 0, h - t / 2))
-        red, green, blue = srgb(self.colour)
         return Shape(
             (
                 (revolve([(0, 0), (f, 0)], 20), skin),
                 (revolve([*foot, *bead, *neck], 20, 35), skin),
                 (at(plate, (0, 0, h - t)), skin),
-                (at(felt, (0, 0, h)), Material((0.80 * red, 0.80 * green, 0.80 * blue), 0.95)),
+                (at(felt, (0, 0, h)), Material(shaded(self.colour, 0.80), 0.95)),
             ),
             disc(f, 0.012) + cylinder_collider(c, 0.01, h - t) + top,
             mass=0.5,
