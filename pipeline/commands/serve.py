@@ -5,8 +5,6 @@ from functools import partial
 from pathlib import Path
 from typing import Annotated
 
-from tqdm import tqdm
-
 from pipeline.data.setup import IMAGES, Setup
 
 from .common import (
@@ -120,12 +118,10 @@ def freeze(
 ) -> None:
     """Draw scenes that the expert solves, and write them as data into one file, which `evaluate
     --benchmark` takes."""
-    from pipeline.data.atomic import write_atomic
-    from pipeline.evaluate.scenes.benchmark import SUFFIX, pack, read_benchmark, unpack_benchmark
+    from pipeline.evaluate.scenes.benchmark import SUFFIX
     from pipeline.evaluate.scenes.case import blind
     from pipeline.evaluate.scenes.manifests import Manifests
-    from pipeline.run.evaluation import runner
-    from pipeline.run.provenance import machine
+    from pipeline.run.evaluation import freeze_benchmark, runner
     from pipeline.tasks.contract import expand_tasks
 
     if not out.name.endswith(SUFFIX):
@@ -134,29 +130,17 @@ def freeze(
     recipe = given.recipe(levels=[0, 1, 2, 3])
     if recipe.events:
         raise UsageError("the recipe has events: scenes are frozen without, leave the key out")
-    setup, cells = blind(recipe).physics, recipe.cells()
     parts = dict[str, tuple[str, ...]]()
     for text in part or ():
         label, _, tasks = text.partition("=")
         parts[label] = expand_tasks(split_list(tasks) or [])
         if unknown := [task for task in parts[label] if task not in recipe.tasks]:
             raise UsageError(f"--part {text}: {unknown[0]} is not among the tasks")
-    there = read_benchmark(str(out)) if out.exists() else None
-    other = UsageError(f"--out {out}: is another benchmark: give another name, or remove the file")
-    if there is not None:
-        held = [each.cell() for each in there.head.cells]
-        if (there.head.scenes, held) != (scenes, [*cells]):
-            raise other
-    seeds = Manifests(manifests or out.with_name(f"{name}-seeds"), seed, setup)
-    with resumable(seeds.root), tqdm(disable=quiet, bar_format="{desc} [{elapsed}]") as bar:
-        bar.set_description_str("admitting seeds")
-        cases = seeds.admitted(cells, scenes, runner(crew_of(executor, workers, address)))
-        bar.set_description_str("freezing")
-        data = pack(name, cases, setup, parts, {"packages": machine()["packages"]})
-        made = unpack_benchmark(data, str(out))
-        if there is not None and there.sha256 != made.sha256:
-            raise other
-        write_atomic(out, data)
+    seeds = Manifests(manifests or out.with_name(f"{name}-seeds"), seed, blind(recipe).physics)
+    with resumable(seeds.root):
+        run = runner(crew_of(executor, workers, address))
+        made = freeze_benchmark(out, recipe.cells(), scenes, parts, seeds, run, not quiet)
     values = {"benchmark": name, "sha256": made.sha256, "scenes": len(made.lines)}
-    text = f"{out}: {len(made.lines)} scenes, {len(data)} bytes, sha256 {made.sha256}"
-    print_result(values | {"bytes": len(data), "path": str(out)}, as_json, text)
+    size = out.stat().st_size
+    text = f"{out}: {len(made.lines)} scenes, {size} bytes, sha256 {made.sha256}"
+    print_result(values | {"bytes": size, "path": str(out)}, as_json, text)

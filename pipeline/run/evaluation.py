@@ -1,18 +1,30 @@
 """Evaluation on the crew: every job ends once."""
 
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing
+from pathlib import Path
 from typing import Any
+
+from tqdm import tqdm
 
 from pipeline.crew.contract import Crew, CrewError, Died
 from pipeline.crew.loop import run
+from pipeline.data.atomic import write_atomic
 from pipeline.data.keys import digest
-from pipeline.data.recipe.model import Recipe
+from pipeline.data.recipe.model import Cell, Recipe
 from pipeline.data.setup import Setup
 from pipeline.evaluate.evaluate import Evaluation
 from pipeline.evaluate.policies.policy import PolicyName
-from pipeline.evaluate.scenes.manifests import Runner
+from pipeline.evaluate.scenes.benchmark import (
+    SUFFIX,
+    Benchmark,
+    pack,
+    read_benchmark,
+    unpack_benchmark,
+)
+from pipeline.evaluate.scenes.case import BenchmarkError
+from pipeline.evaluate.scenes.manifests import Manifests, Runner
 from pipeline.evaluate.scoring.clock import parse_clock
 
 from .identity.core import code_version, policy_version
@@ -56,3 +68,36 @@ def runner(crew: Crew, seconds: float = EPISODE_SECONDS) -> Runner:
                 yield end.job, end.result
 
     return each
+
+
+def freeze_benchmark(
+    out: Path,
+    cells: Sequence[Cell],
+    scenes: int,
+    parts: Mapping[str, Sequence[str]],
+    seeds: Manifests,
+    run_jobs: Runner,
+    progress: bool,
+) -> Benchmark:
+    """Admit scenes of cells and write them as one file. Raises BenchmarkError if another benchmark
+    is there.
+    """
+    there = read_benchmark(str(out)) if out.exists() else None
+    other = BenchmarkError(
+        f"--out {out}: is another benchmark: give another name, or remove the file"
+    )
+    if there is not None:
+        held = [each.cell() for each in there.head.cells]
+        if (there.head.scenes, held) != (scenes, [*cells]):
+            raise other
+    made_by = {"packages": machine()["packages"]}
+    with tqdm(disable=not progress, bar_format="{desc} [{elapsed}]") as bar:
+        bar.set_description_str("admitting seeds")
+        cases = seeds.admitted(cells, scenes, run_jobs)
+        bar.set_description_str("freezing")
+        data = pack(out.name.removesuffix(SUFFIX), cases, seeds.setup, parts, made_by)
+        made = unpack_benchmark(data, str(out))
+        if there is not None and there.sha256 != made.sha256:
+            raise other
+        write_atomic(out, data)
+    return made
