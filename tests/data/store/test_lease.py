@@ -24,14 +24,16 @@ def test_a_second_writer_is_refused_until_the_first_ends(store):
 @pytest.mark.parametrize(
     ("left", "refused"),
     [
-        (f"{os.uname().nodename} {os.getpid()}", True),
-        (f"{os.uname().nodename} {2**22 + 1}", False),  # no Linux has a process of that number
-        (f"elsewhere {2**22 + 1}", True),
+        ("{here} {pid}", True),
+        ("{here} {none}", False),
+        ("elsewhere {none}", True),
         ("", True),
     ],
 )
 def test_what_a_killed_writer_left_holds_only_if_it_may_live(store, left, refused):
-    assert store.write_new(LEASE, left.encode())
+    # no Linux has a process of the number `none`
+    text = left.format(here=os.uname().nodename, pid=os.getpid(), none=2**22 + 1)
+    assert store.write_new(LEASE, text.encode())
     if refused:
         with pytest.raises(Busy, match=rf"delete {store.url}/{LEASE}$"), store.hold():
             pass
