@@ -362,14 +362,14 @@ def test_a_step_is_one_recorded_frame(stated):
 
 @reads("clutter in MS")
 def test_touched_clutter_costs_a_share_of_the_score(stated):
-    assert manipulation_score(100.0, out_of_bounds=False, distractors=2) == pytest.approx(
+    assert manipulation_score(100.0, out_of_bounds=False, clutter=True) == pytest.approx(
         100 * stated[0]
     )
 
 
 @reads("out of bounds in MS")
 def test_a_target_out_of_bounds_halves_the_score(stated):
-    assert manipulation_score(100.0, out_of_bounds=True, distractors=0) == pytest.approx(
+    assert manipulation_score(100.0, out_of_bounds=True, clutter=False) == pytest.approx(
         100 * stated[0]
     )
 

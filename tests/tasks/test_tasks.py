@@ -134,7 +134,6 @@ def attempts(monkeypatch):
     for part, found in (
         ("_determinism", (Finding("determinism", True, ""),)),
         ("_layouts", ()),
-        ("_faulty_instruction", None),
     ):
         monkeypatch.setattr(f"pipeline.intake.check_task.{part}", lambda *_, found=found: found)
     return noted
