@@ -42,9 +42,9 @@ FRESH = ("--seed", "5")
 
 SPENT = {
     "data": ("data", 1.3, "demonstrations"),
-    "finder": ("networks", 0.33, "steps"),
+    "finder": ("networks", 0.16, "steps"),
     "policy": ("networks", 0.08, "steps"),
-    "evaluation": ("evaluation", 2.5, "episodes"),
+    "evaluation": ("evaluation", 1.5, "episodes"),
 }
 """Works: their stage, core-seconds of one, and what one is."""
 

@@ -213,7 +213,8 @@ def _groups(rows: Sequence[Row]) -> Iterator[tuple[str, list[bool]]]:
     """Group names and their rows: all, and the parts that are not all."""
     yield "all", [True] * len(rows)
     known = {"all"}
-    for key in ("level", "alpha", "domain", "category", "task", "condition", "event", "phase"):
+    keys = ("clock", "level", "alpha", "domain", "category", "task", "condition", "event", "phase")
+    for key in keys:
         values = sorted({row.get(key, "") for row in rows})
         for value in values if len(values) > 1 else ():
             name = f"{key} {value:g}" if key in ("level", "alpha") else value

@@ -113,6 +113,18 @@ def test_policies_are_paired_by_scene(tmp_path):
     assert row["interval"][0] < row["effect"] < row["interval"][1]
 
 
+def test_every_clock_has_a_line_of_its_own(tmp_path):
+    for clock, one, other in (("paused", [1, 1], [1, 1]), ("latency:300", [0, 0], [1, 1])):
+        a = write(tmp_path / "a", "p", one, clock)
+        b = write(tmp_path / "b", "q", other, clock)
+    lines = compare(*read_arms([a, b]), 5)
+    assert {line["what"]: line["effect"] for line in lines} == {
+        "all": 50.0,
+        "latency:300": 100.0,
+        "paused": 0.0,
+    }
+
+
 def test_levels_and_networks_of_one_scene_count_once(tmp_path):
     one, other = [1, 0, 1, 0, 0], [1, 1, 1, 1, 0]
     single = compare(
