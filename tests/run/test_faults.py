@@ -159,7 +159,8 @@ def test_a_build_outlives_killed_workers_with_the_same_bytes(built, tmp_path):
     printed, err = process.communicate(timeout=PATIENCE)
     assert process.returncode == 0, err
     result = json.loads(printed)
-    assert (result["accepted"], result["made"], result["workers_lost"]) == (3, 3, 2)
+    assert (result["accepted"], result["made"]) == (3, 3)
+    assert result["workers_lost"] in (1, 2)  # one may have ended its job before the signal came
     assert contents(out) == contents(built)
     assert len(slots(out)) == 3
     assert not temporaries(out)
