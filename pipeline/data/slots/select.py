@@ -65,7 +65,7 @@ _SIGNS = {*_COMPARE, *"(),", "and", "or", "not", "in"}
 _WORD = re.compile(r"""(==|!=|<=|>=|[=<>(),]|"[^"]*"|'[^']*'|[\w.+-]+)\s*""")
 
 type Attempts = Mapping[tuple[Any, ...], Mapping[str, Any]]  # other columns by place and seed
-type Words = deque[str]  # what is left of an expression: columns, values as written, signs
+type Words = deque[str]  # the rest of an expression: columns, values as written, signs
 
 
 class WhereError(DominoError):
