@@ -1,8 +1,7 @@
 """Which edit makes which slots stale: a table of edits to a copy of the sources."""
 
-import os
 import shutil
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from itertools import cycle
 from pathlib import Path
@@ -114,23 +113,49 @@ def all_keys():
     return {path: RecipeKeys(RECIPE).of(slot) for path, slot in SLOTS.items()}
 
 
+@pytest.fixture(scope="module", autouse=True)
+def plain_hash_file():
+    """Syntax trees are made once for each content: all but one file of every tree here are
+    equal. The function without that."""
+    hash_file, hashes = core.hash_file, {}
+
+    def once(path):
+        content = path.suffix, path.read_bytes()
+        if content not in hashes:
+            hashes[content] = hash_file.__wrapped__(path)
+        return hashes[content]
+
+    once.cache_clear = hash_file.cache_clear
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(core, "hash_file", once)
+        yield hash_file
+
+
 @pytest.fixture(scope="module")
 def package(tmp_path_factory):
-    """A copy of the sources."""
+    """A copy of the sources; `edited` changes and restores it."""
     root = tmp_path_factory.mktemp("package") / "pipeline"
     return Path(shutil.copytree(PACKAGE, root, ignore=shutil.ignore_patterns("__pycache__")))
 
 
+@contextmanager
 def edited(package, to, file, text):
-    """A tree of hard links to a copy of the sources, which costs a tenth of one, but for a file
-    that ends with a text."""
-    root = Path(shutil.copytree(package, to, copy_function=os.link))
-    path = root / file
-    before = path.read_bytes() if path.exists() else b""
-    path.unlink(missing_ok=True)  # a link to the file of the copy
+    """The copy of the sources by a path of its own, where a file ends with a text as long as the
+    context lasts."""
+    path = package / file
+    before = path.read_bytes() if path.exists() else None
+    new = path.parent if not path.parent.exists() else None
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_bytes(before + text.encode())
-    return root
+    path.write_bytes((before or b"") + text.encode())
+    to.symlink_to(package)
+    try:
+        yield to
+    finally:
+        path.unlink()
+        if before is not None:
+            path.write_bytes(before)
+        if new is not None:
+            new.rmdir()
 
 
 @pytest.fixture(scope="module")
@@ -146,9 +171,10 @@ def before():
 def test_an_edit_makes_only_those_slots_stale_that_it_can_change(
     tmp_path, monkeypatch, package, before, file, text, cells, changed
 ):
-    root = edited(package, tmp_path / "pipeline", file, text)
-    monkeypatch.setattr(core, "PACKAGE", root)
-    for cell, new in all_keys().items():
+    with edited(package, tmp_path / "pipeline", file, text) as root:
+        monkeypatch.setattr(core, "PACKAGE", root)
+        keys = all_keys()
+    for cell, new in keys.items():
         stale = {
             name
             for name in ("physics", "render", "language")
@@ -157,7 +183,8 @@ def test_an_edit_makes_only_those_slots_stale_that_it_can_change(
         assert stale == (changed if any(part in cell for part in cells) else set()), cell
 
 
-def test_a_copy_of_the_sources_has_the_same_keys(tmp_path, monkeypatch, before):
+def test_a_copy_of_the_sources_has_the_same_keys(tmp_path, monkeypatch, before, plain_hash_file):
+    monkeypatch.setattr(core, "hash_file", plain_hash_file)
     shutil.copytree(PACKAGE, tmp_path / "pipeline")
     monkeypatch.setattr(core, "PACKAGE", tmp_path / "pipeline")
     assert all_keys() == before
@@ -167,10 +194,11 @@ def test_a_copy_of_the_sources_has_the_same_keys(tmp_path, monkeypatch, before):
 
 
 def test_a_key_says_which_part_changed(tmp_path, monkeypatch, package, before):
-    root = edited(package, tmp_path / "pipeline", "assets/robots/aloha-agilex/robot.toml", DOC)
-    monkeypatch.setattr(core, "PACKAGE", root)
-    path = SLOT.cell.path
-    assert RecipeKeys(RECIPE).of(SLOT).physics.changed(before[path].physics) == ["robot"]
+    changed_file = "assets/robots/aloha-agilex/robot.toml"
+    with edited(package, tmp_path / "pipeline", changed_file, DOC) as root:
+        monkeypatch.setattr(core, "PACKAGE", root)
+        keys = RecipeKeys(RECIPE).of(SLOT)
+    assert keys.physics.changed(before[SLOT.cell.path].physics) == ["robot"]
 
 
 def test_a_package_whose_numbers_matter_is_a_part(monkeypatch, before):
@@ -215,14 +243,15 @@ class Computed(type(TASKS["click_bell"])):
 
 def test_a_family_whose_name_is_computed_is_a_part_of_the_key(tmp_path, monkeypatch, package):
     monkeypatch.setitem(TASKS._items, "computed", Computed())  # pyright: ignore[reportAbstractUsage]
+    cell = "computed", "piper", False, "planar"
     for number, (family, changes) in enumerate(
         (("containers/tableware", False), ("devices/ringers", True))
     ):
-        root = edited(package, tmp_path / str(number), f"world/objects/families/{family}.py", CODE)
-        objects = [
-            code.cell_code(each, "computed", "piper", False, "planar").physics["objects"]
-            for each in (package, root)
-        ]
+        plain, file = tmp_path / f"plain{number}", f"world/objects/families/{family}.py"
+        plain.symlink_to(package)
+        objects = [code.cell_code(plain, *cell).physics["objects"]]
+        with edited(package, tmp_path / str(number), file, CODE) as root:
+            objects.append(code.cell_code(root, *cell).physics["objects"])
         assert (objects[0] != objects[1]) == changes, family
 
 
@@ -381,12 +410,12 @@ def test_what_is_drawn_again_has_the_keys_of_a_build(before, monkeypatch):
 def test_only_what_draws_makes_a_drawing_stale(
     tmp_path, monkeypatch, package, before, file, changed
 ):
-    root = edited(
-        package, tmp_path / "pipeline", file, CODE if file.endswith(".py") else "void main() {}"
-    )
-    monkeypatch.setattr(core, "PACKAGE", root)
+    text = CODE if file.endswith(".py") else "void main() {}"
     source = before[SLOT.cell.path]
-    assert RecipeKeys(RECIPE).redrawn(SLOT, source).render.changed(source.render) == changed
+    with edited(package, tmp_path / "pipeline", file, text) as root:
+        monkeypatch.setattr(core, "PACKAGE", root)
+        keys = RecipeKeys(RECIPE).redrawn(SLOT, source)
+    assert keys.render.changed(source.render) == changed
 
 
 def test_slots_have_keys_of_their_own():
