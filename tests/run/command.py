@@ -14,6 +14,7 @@ import pytest
 
 from pipeline.cli import main
 from pipeline.data.dataset import Dataset
+from tests.run.processes import wait_for
 
 ROOT = Path(__file__).parents[2]
 COMMAND = Path(sys.executable).with_name("domino-data")
@@ -67,6 +68,15 @@ def slots(out):
         sorted(slot.path for slot in dataset.rows(dataset.recipe()).slots)
         if dataset.index.exists()
         else []
+    )
+
+
+def wait_for_a_slot(out, process):
+    """Wait until a dataset has a finished slot or the process that makes it ended. Looks for files
+    first: to read recipe and index at every turn would cost as much as the build."""
+    wait_for(
+        lambda: process.poll() is not None or (any(out.glob("episodes/**/*.hdf5")) and slots(out)),
+        PATIENCE,
     )
 
 

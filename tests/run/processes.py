@@ -7,12 +7,12 @@ from collections.abc import Callable
 from pathlib import Path
 
 
-def wait_for[T](found: Callable[[], T], seconds: float = 60.0) -> T:
+def wait_for[T](found: Callable[[], T], seconds: float = 60.0, every: float = 0.05) -> T:
     """What `found` returns once that is true; fails after so many seconds."""
     deadline = time.monotonic() + seconds
     while not (value := found()):
         assert time.monotonic() < deadline, f"waited {seconds} s"
-        time.sleep(0.05)
+        time.sleep(every)
     return value
 
 

