@@ -211,8 +211,16 @@ def rows_of(out):
     return {row["key"]: without_times(row) for row in rows}
 
 
-def test_killed_and_gone_on_with_gives_what_two_workers_give(tmp_path):
-    serial, parallel = tmp_path / "serial", tmp_path / "parallel"
+@pytest.mark.parametrize(
+    "executor",
+    [
+        ("--executor", "inline"),
+        pytest.param(("--executor", "ray", "--workers", "2"), marks=pytest.mark.slow),
+    ],
+    ids=["inline", "ray"],
+)
+def test_killed_and_gone_on_with_gives_what_an_undisturbed_run_gives(tmp_path, executor):
+    serial, whole = tmp_path / "serial", tmp_path / "whole"
     wanted = ("--policy", "random", *WANTED, "--episodes", "2")
     process = start("evaluate", *wanted, "--executor", "inline", "--out", serial, new_session=True)
     file, deadline = serial / "episodes.jsonl", time.monotonic() + PATIENCE
@@ -226,13 +234,9 @@ def test_killed_and_gone_on_with_gives_what_two_workers_give(tmp_path):
     told = json.loads(command(*wanted, "--executor", "inline", "--out", serial, "--json"))
     assert told["run"] == 4 - finished
     manifests = ("--manifests", serial / "manifests")
-    other = json.loads(
-        command(
-            *wanted, "--executor", "ray", "--workers", "2", *manifests, "--out", parallel, "--json"
-        )
-    )
+    other = json.loads(command(*wanted, *executor, *manifests, "--out", whole, "--json"))
     assert other["results"] == told["results"]
-    assert rows_of(parallel) == rows_of(serial)
+    assert rows_of(whole) == rows_of(serial)
     again = json.loads(command(*wanted, "--executor", "inline", "--out", serial, "--json"))
     assert again["run"] == 0
     assert again["results"] == told["results"]

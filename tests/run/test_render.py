@@ -410,7 +410,10 @@ OPTIONS = (
 )
 
 
-def test_a_killed_rendering_goes_on_with_workers_to_the_same_bytes(source, tmp_path):
+@pytest.mark.parametrize(
+    "crew", [Crew(), pytest.param(Crew("ray", 2), marks=pytest.mark.slow)], ids=["inline", "ray"]
+)
+def test_a_killed_rendering_goes_on_to_the_same_bytes(source, tmp_path, crew):
     whole, out, variants = Dataset(tmp_path / "whole"), Dataset(tmp_path / "out"), 3
     draw(source, whole, variants=variants, **SMALL)
     process = start(
@@ -430,7 +433,7 @@ def test_a_killed_rendering_goes_on_with_workers_to_the_same_bytes(source, tmp_p
     assert process.returncode == -signal.SIGKILL
     done = len(slots(out.root))
     assert 0 < done < 2 * variants
-    rest = render(source, out, SMALL | {"variants": variants}, Crew("ray", 2), quiet=True)
+    rest = render(source, out, SMALL | {"variants": variants}, crew, quiet=True)
     assert rest.drawn == 2 * variants - done
     assert files(out) == files(whole)
     assert not list(out.root.rglob(".*.tmp"))
