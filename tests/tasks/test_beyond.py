@@ -6,6 +6,7 @@ from collections import Counter
 import numpy as np
 import pytest
 
+from pipeline.data.clock import PHYSICS_HZ
 from pipeline.data.recipe.model import Recipe
 from pipeline.data.spec import EpisodeSpec
 from pipeline.motion.models import MODELS, motion_from_json
@@ -82,9 +83,10 @@ def test_a_target_is_met_in_time_and_place(name):
     log, task = done.replay.log, TASKS[name]
     real = log.time_of("meeting")
     assert abs(real - done.meeting) <= 1 / 15
-    assert (
-        np.linalg.norm(done.motion.pose(real)[:3] - done.scene.bodies[task.target].pose[:3]) < 0.005
-    )
+    met, meant = done.motion.pose(real)[:3], done.scene.bodies[task.target].pose[:3]
+    # a falling ball moves by more than 5 mm in a physics step, and is met in that step or the next
+    step = np.linalg.norm(done.motion.pose(real + 1 / PHYSICS_HZ)[:3] - met)
+    assert np.linalg.norm(met - meant) < max(0.005, 1.01 * step)
     on_motion = log.times < real
     np.testing.assert_allclose(
         log.pose(task.target)[on_motion, :3],

@@ -50,7 +50,9 @@ def test_a_touched_target_stays_on_its_motion_and_pushes_what_is_light():
     assert s.touched_by == "block" and not s.released
     assert [event.name for event in s.events] == ["meeting"]
     assert np.linalg.norm(s.pose("target")[:3] - motion.pose(2.0)[:3]) < 0.004
-    assert s.target_twist() == pytest.approx([SPEED, 0, 0, 0, 0, 0], abs=0.02)
+    assert s.pose("target")[3:] == pytest.approx(motion.pose(2.0)[3:], abs=0.01)
+    # the turn that the solver states while it holds a body against a push is not one it makes
+    assert s.target_twist()[:3] == pytest.approx([SPEED, 0, 0], abs=0.02)
     assert s.pose("block")[0] > -0.05
 
 
