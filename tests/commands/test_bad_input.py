@@ -20,7 +20,14 @@ def place(tmp_path_factory):
     return root
 
 
-@pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
+@pytest.mark.parametrize(
+    "case",
+    [
+        # most differ in the value alone: every other one is left to the slow tests
+        pytest.param(case, marks=[pytest.mark.slow] * (number % 2), id=case.name)
+        for number, case in enumerate(CASES)
+    ],
+)
 def test_bad_input_is_one_line(case, place):
     assert attempt(case, place).fault(case) == ""
 

@@ -283,13 +283,13 @@ def test_a_policy_that_cannot_be_made_leaves_no_dataset(tmp_path):
     )
     code, _, err = inside(*wanted)
     assert code == 2 and "make_policy()" in err and err.count("\n") == 1
-    (tmp_path / "policy.py").write_text("import os\nos._exit(0)\n")
-    code, _, err = inside(*wanted)
-    assert code == 2 and "policy.py" in err and err.count("\n") == 1
     contract = (
         "from pipeline.evaluate.policies.contract import Contract\nfrom"
         " pipeline.evaluate.policies.reference import Random\n"
     )
+    (tmp_path / "policy.py").write_text("import os\nos._exit(0)\n")
+    code, _, err = inside(*wanted)
+    assert code == 2 and "policy.py" in err and err.count("\n") == 1
     (tmp_path / "policy.py").write_text(
         contract + "class Fast(Random):\n    contract = Contract(rate=30)\nmake_policy = Fast\n"
     )

@@ -155,8 +155,8 @@ def test_other_sensors_and_cameras_are_those_of_a_build_that_wants_them(source, 
     }
     out, built = Dataset(tmp_path / "out"), Dataset(tmp_path / "built")
     draw(source, out, **changes)
-    build(built.root, recipe_from(RECIPE | changes), Crew(), shown="none")
-    assert files(out, "episodes/**/*.hdf5") == files(built, "episodes/**/*.hdf5")
+    build(built.root, recipe_from(RECIPE | changes | {"levels": [2]}), Crew(), shown="none")
+    assert files(out, "episodes/**/L2/**/*.hdf5") == files(built, "episodes/**/*.hdf5") != {}
     assert failed(out) == []
     for path, plain in zip(paths(out), paths(source), strict=True):
         with EpisodeFile(path) as e, EpisodeFile(plain) as s:
