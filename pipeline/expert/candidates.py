@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from pipeline.planning.failure import PlanFailure
 from pipeline.planning.kinematics import limit_margin
@@ -18,15 +18,18 @@ from .budgets import GRASP
 _ROLLED = pose((0, 0, 0), quat_about((1, 0, 0), np.pi))  # the same pinch with the jaws exchanged
 
 
+Goals = Sequence[ArrayLike]  # see GraspOptions
+
+
 @dataclass(frozen=True)
 class GraspOptions:
-    """What a grasp is for: `kinds`, and `goals`, lists of body poses (7,) of which the grasp must
-    reach one each. `standoff` (m) is the length of the line in, `pitch` (rad below the horizontal)
-    the preferred approach, `steepest` the steepest. With `leading` > 0 only that many of the
-    cheapest are looked at, one must lead to the goals, and the other hand may touch the body."""
+    """What a grasp is for: `kinds`, and `goals`, each (N,7) body poses of which the grasp must
+    reach one. `standoff` (m) is the length of the line in, `pitch` (rad below the horizontal) the
+    preferred approach, `steepest` the steepest. With `leading` > 0 only that many of the cheapest
+    are looked at, one must lead to the goals, and the other hand may touch the body."""
 
     kinds: Sequence[str] | None = None
-    goals: Sequence[Sequence[Pose]] = ()
+    goals: Goals = ()
     standoff: float = GRASP.standoff
     pitch: float = GRASP.pitch
     steepest: float = np.pi / 2
@@ -95,9 +98,7 @@ def find_candidates(
     return Candidates(grasps, local, tcp, q, order.tolist(), opening)
 
 
-def leading_grasps(
-    arm: ArmPlanner, name: str, annotated: Sequence[Grasp], goals: Sequence[Sequence[Pose]]
-) -> Floats:
+def leading_grasps(arm: ArmPlanner, name: str, annotated: Sequence[Grasp], goals: Goals) -> Floats:
     """Tcp poses (N,7) in the body frame that reach every one of `goals`."""
     local = _fitting(arm, name, annotated, GraspOptions())[1]
     ok = np.ones(len(local), bool)

@@ -18,7 +18,7 @@ from pipeline.world.shapes import Collider
 
 from .actor import Actor
 from .budgets import GRASP, HAND_OVER
-from .candidates import Candidates, GraspOptions, backed_off, find_candidates
+from .candidates import Candidates, Goals, GraspOptions, backed_off, find_candidates
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +54,7 @@ class GraspChoice:
     pieces: tuple[Collider, ...]
     found: Candidates
     checks: dict[float, _Checks]
-    goals: Sequence[Sequence[Pose]]
+    goals: Goals
     parts: Callable[[Floats, float], bool]
 
     def lines(self) -> dict[int, Floats]:

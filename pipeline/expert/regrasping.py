@@ -15,11 +15,9 @@ from pipeline.world.physics.body import TABLE_TOP, apart
 
 from .actor import Actor, Skill, Skills, Steps
 from .budgets import GRASP, PLACE, SEAT
-from .candidates import GraspOptions, leading_grasps
+from .candidates import Goals, GraspOptions, leading_grasps
 from .grasping import search_of
 from .skills import grasp, in_turn, lift, open_, place, resting_poses, retreat
-
-Goals = Sequence[Sequence[Pose]]  # those of GraspOptions
 
 
 def regrasp(a: Actor, side: str, name: str, goals: Goals) -> Skills:
@@ -29,7 +27,7 @@ def regrasp(a: Actor, side: str, name: str, goals: Goals) -> Skills:
         return
     seats = find_seats(a, side, name, goals)
     if len(seats) > 0:
-        yield grasp(side, name, goals=[list(seats)])
+        yield grasp(side, name, goals=[seats])
         yield lift(side, SEAT.above)
         yield from _seat(a, side, name, seats)
 
@@ -51,7 +49,7 @@ def place_or_regrasp(
             yield from placing(a)
         except PlanFailure as failure:
             name = a.held[side]
-            goals = [list(resting_poses(a.frames(name)[point], onto, yaws))]
+            goals = [resting_poses(a.frames(name)[point], onto, yaws)]
             seats = find_seats(a, side, name, goals)
             if len(seats) == 0:
                 raise failure from None
@@ -96,7 +94,7 @@ def find_seats(a: Actor, side: str, name: str, goals: Goals) -> Floats:
         carried = {n: c for n, c in arm.scene.carried.items() if n != name}
         seated = arm.within(replace(arm.scene, obstacles=obstacles, carried=carried))
         if promising(a, seated, name, seats[k], goals) and (
-            held or promising(a, arm, name, start, [[seats[k]]])
+            held or promising(a, arm, name, start, [seats[k : k + 1]])
         ):
             chosen.append(seats[k])
     return np.array(chosen).reshape(-1, 7)

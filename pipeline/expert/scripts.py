@@ -22,7 +22,7 @@ def set_down_on(
 ) -> Skills:
     """Grasp body `name`, lift it by `up` m, and set it down with its frame `point` on `onto` (7,),
     turned by one of `yaws`. If no single grasp can do it, it is set down in between."""
-    goals = [list(resting_poses(a.frames(name)[point], onto, yaws))]
+    goals = [resting_poses(a.frames(name)[point], onto, yaws)]
     yield from regrasp(a, side, name, goals)
     yield grasp(side, name, goals=goals)
     yield lift(side, up)

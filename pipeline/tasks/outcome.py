@@ -18,6 +18,7 @@ from pipeline.poses import (
     quat_about,
     quat_multiply,
     quat_rotate,
+    transform,
 )
 from pipeline.world.physics.body import Body
 from pipeline.world.robots.contract import Embodiment
@@ -82,6 +83,12 @@ class Outcome:
     def travel(self, name: str) -> float:
         """How far (m) a body's origin is from where it began, a target from where it was met."""
         return float(np.linalg.norm(self.pose(name)[:3] - self.pose(name, self._began(name))[:3]))
+
+    def lies_in(self, name: str, hollow: str) -> bool:
+        """Whether a body's origin is inside a hollow body: below its rim, within its outline."""
+        at = transform(inverse(self.pose(hollow)), self.pose(name)[:3])
+        low, high = self.bodies[hollow].instance.shape().aabb()
+        return bool(((at > low - 0.002) & (at < high)).all())
 
     def upright(self, name: str, tolerance: float = 0.26) -> bool:
         """Whether a body's z axis is within `tolerance` rad of the vertical."""

@@ -9,12 +9,12 @@ import numpy as np
 from pipeline.data.clock import PHYSICS_HZ
 from pipeline.planning.budgets import LIMITS
 from pipeline.planning.trajectory import ArmTrajectory, time_parameterise
-from pipeline.poses import Floats, Pose, compose, inverse, transform
+from pipeline.poses import Floats, compose, inverse, transform
 from pipeline.world.robots.contract import Arm, arm_poses
 
 from ..actor import Actor, MotionStep, Steps, skill
 from ..budgets import GRASP, SPEEDS, TIMING
-from ..candidates import GraspOptions
+from ..candidates import Goals, GraspOptions
 from ..grasping import plan_grasp
 
 
@@ -57,7 +57,7 @@ def grasp(
     name: str,
     *,
     kinds: Sequence[str] | None = None,
-    goals: Sequence[Sequence[Pose]] = (),
+    goals: Goals = (),
     standoff: float = GRASP.standoff,
     pitch: float = GRASP.pitch,
     steepest: float = np.pi / 2,

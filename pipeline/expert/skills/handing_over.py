@@ -12,7 +12,7 @@ from pipeline.poses import Floats, Pose
 
 from ..actor import Actor, Steps, skill
 from ..budgets import HAND_OVER, MOVE
-from ..candidates import GraspOptions, backed_off, hand_poses
+from ..candidates import Goals, GraspOptions, backed_off, hand_poses
 from ..grasping import can_take_over
 from .hand import take
 from .moving import reach
@@ -54,7 +54,7 @@ def hand_over(
     places: ArrayLike,
     *,
     kinds: Sequence[str] | None = None,
-    goals: Sequence[Sequence[Pose]] = (),
+    goals: Goals = (),
     leading: int = 0,
 ) -> Steps:
     """Carry the body that `giver` holds to one of the poses `places` (N,7), where `receiver` takes

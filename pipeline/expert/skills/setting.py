@@ -27,10 +27,11 @@ class Approach(NamedTuple):
     height: float
 
 
-def resting_poses(local: Pose, goal: Pose, yaws: Sequence[float]) -> Floats:
+def resting_poses(local: Pose, goal: ArrayLike, yaws: Sequence[float] = ROUND) -> Floats:
     """Poses (N,7) of a body whose frame `local` is at `goal`, turned by each of `yaws` about its z
-    axis."""
-    turned = np.stack([compose(goal, yawed((0, 0, 0), yaw)) for yaw in yaws])
+    axis. `goal` is one pose (7,), or several (M,7)."""
+    turns = [yawed((0, 0, 0), yaw) for yaw in yaws]
+    turned = np.stack([compose(one, turn) for one in np.atleast_2d(goal) for turn in turns])
     return compose(turned, inverse(local)[None])
 
 
@@ -87,8 +88,7 @@ def place(
     arm, name = a.arm_planner(side), a.held.get(side, "")
     back = np.concatenate([np.asarray(out, float), np.zeros(4)])
     local = a.frames(name)[point] if name else pose()
-    bodies = np.concatenate([resting_poses(local, goal, yaws) for goal in np.atleast_2d(onto)])
-    hands = hand_poses(a, side, bodies)
+    hands = hand_poses(a, side, resting_poses(local, onto, yaws))
     approaches = _approaches(arm, hands, back, above, press)
     free = arm.checker()
     others = (*arm.scene.obstacles, *arm.scene.carried, "table")

@@ -1,7 +1,7 @@
 import numpy as np
 
 from pipeline.expert.skills import ROUND, grasp, in_turn, lift, pause, pour, upright_goal
-from pipeline.poses import Floats, compose, inverse, pose, quat_about, quat_multiply, transform
+from pipeline.poses import Floats, compose, inverse, pose, quat_about, quat_multiply
 from pipeline.tasks.contract import (
     ANY_YAW,
     Actor,
@@ -45,9 +45,8 @@ class PourSwayingPot(Task):
 
     def meet(self, a: Actor) -> Skills:
         arm, over, tipped = a.arms["arm"], *self._poses(a)
-        yield grasp(
-            arm, "cup", kinds=("side",), steepest=LEVEL, goals=[list(over[::5]), list(tipped[::7])]
-        )
+        goals = [over[::5], tipped[::7]]
+        yield grasp(arm, "cup", kinds=("side",), steepest=LEVEL, goals=goals)
         yield lift(arm, 0.10)
         # no `track`: a hand that tips the cup through a singularity of its wrist cannot move along
         yield in_turn(pour(arm, over, tipped, speed=0.8), pause(arm, 0.6))
@@ -81,11 +80,8 @@ class PourSwayingPot(Task):
         return found
 
     def success(self, o: Outcome, arms: dict[str, str]) -> dict[str, bool]:
-        low, high = o.bodies["pot"].instance.shape().aabb()
-        places = [o.pose(f"ball_{i + 1}")[:3] for i in range(len(BALLS))]
-        balls = transform(inverse(o.pose("pot")), np.array(places))
         return {
-            "balls_in_pot": bool(((balls > low - 0.002) & (balls < high)).all()),
+            "balls_in_pot": all(o.lies_in(f"ball_{i + 1}", "pot") for i in range(len(BALLS))),
             "pot_upright": o.upright("pot"),
             "cup_held": o.holds(arms["arm"], "cup"),
         }

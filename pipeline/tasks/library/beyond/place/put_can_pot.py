@@ -50,7 +50,7 @@ class PutCanPot(Task):
 
     def meet(self, a: Actor) -> Skills:
         arm, inside = a.arms["arm"], a.frame("pot", "inside")
-        yield grasp(arm, "can", goals=[list(resting_poses(a.frames("can")["base"], inside, ROUND))])
+        yield grasp(arm, "can", goals=[resting_poses(a.frames("can")["base"], inside)])
         yield lift(arm, 0.10)
         yield track(arm, place(arm, "base", inside, yaws=ROUND, opening=0.01))
 
@@ -93,8 +93,8 @@ class DropBallSwayingBowl(PutCanPot):
 
     def meet(self, a: Actor) -> Skills:
         arm = a.arms["arm"]
-        over = resting_poses(a.frames("ball")["base"], lifted(a.frame("bowl", "top"), ABOVE), ROUND)
-        yield grasp(arm, "ball", goals=[list(over)])
+        over = resting_poses(a.frames("ball")["base"], lifted(a.frame("bowl", "top"), ABOVE))
+        yield grasp(arm, "ball", goals=[over])
         yield lift(arm, 0.10)
         yield track(arm, in_turn(carry(arm, over), open_(arm), pause(arm, 0.2)))
 

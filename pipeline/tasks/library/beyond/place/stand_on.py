@@ -44,8 +44,8 @@ class StandOn(PickFromBelt):
         return a.frame(self.support, "centre")
 
     def meet(self, a: Actor) -> Skills:
-        goals = resting_poses(a.frames(self.target)["base"], self._onto(a), ROUND)
-        yield grasp(a.arms["arm"], self.target, kinds=self.kinds, goals=[list(goals)])
+        goals = resting_poses(a.frames(self.target)["base"], self._onto(a))
+        yield grasp(a.arms["arm"], self.target, kinds=self.kinds, goals=[goals])
 
     def finish(self, a: Actor) -> Skills:
         arm = a.arms["arm"]

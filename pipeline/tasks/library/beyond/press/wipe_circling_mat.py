@@ -38,8 +38,7 @@ class WipeCirclingMat(Task):
 
     def meet(self, a: Actor) -> Skills:
         arm, onto = a.arms["arm"], a.frame("mat", "centre")
-        goals = resting_poses(a.frames("block")["base"], onto, ROUND)
-        yield grasp(arm, "block", goals=[list(goals)])
+        yield grasp(arm, "block", goals=[resting_poses(a.frames("block")["base"], onto)])
         yield lift(arm, 0.08)
         yield track(arm, place(arm, "base", onto, yaws=ROUND, press=0.001))
 

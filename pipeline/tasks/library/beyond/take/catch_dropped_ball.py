@@ -41,7 +41,7 @@ class CatchDroppedBall(Task):
 
     def meet(self, a: Actor) -> Skills:
         arm, ball = a.arms["arm"], a.pose(self.target)
-        goals = [list(resting_poses(a.frames("skillet")["centre"], ball, ROUND))]
+        goals = [resting_poses(a.frames("skillet")["centre"], ball)]
         yield grasp(arm, "skillet", kinds=("handle",), goals=goals)
         yield lift(arm, 0.03)
         yield place(arm, "centre", ball, yaws=ROUND, above=0.07, press=0.01, out=(0, 0, -1))

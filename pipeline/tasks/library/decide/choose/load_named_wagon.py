@@ -18,7 +18,7 @@ from pipeline.tasks.contract import (
     register,
 )
 
-from .named import COLOURS, lies_in, look_of
+from .named import COLOURS, look_of
 
 RADIUS = 0.105  # m of the train's circle
 
@@ -56,8 +56,7 @@ class LoadNamedWagon(Task):
 
     def meet(self, a: Actor) -> Skills:
         arm, inside = a.arms["arm"], a.frame("wagon", "inside")
-        goals = list(resting_poses(a.frames("cargo")["base"], inside, ROUND))
-        yield grasp(arm, "cargo", goals=[goals])
+        yield grasp(arm, "cargo", goals=[resting_poses(a.frames("cargo")["base"], inside)])
         yield lift(arm, 0.10)
         yield place(arm, "base", inside, yaws=ROUND, opening=0.02)
 
@@ -66,7 +65,7 @@ class LoadNamedWagon(Task):
 
     def success(self, o: Outcome, arms: dict[str, str]) -> dict[str, bool]:
         return {
-            "in_wagon": lies_in(o, "cargo", "wagon"),
+            "in_wagon": o.lies_in("cargo", "wagon"),
             "wagon_upright": o.upright("wagon"),
             "released": not o.handled("cargo"),
             "grippers_open": o.grippers_open(),

@@ -5,7 +5,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from pipeline.expert.skills import ROUND, carry, grasp, home, lift, open_, upright_goal
-from pipeline.poses import Floats, inverse, transform
+from pipeline.poses import Floats, transform
 from pipeline.tasks.contract import Actor, Body, Outcome, Skills
 
 COLOURS = ("red", "blue", "yellow", "green", "orange", "purple", "white", "black")
@@ -44,11 +44,4 @@ def drop_in(a: Actor, side: str, basket: str, aside: float = 0.0) -> Skills:
 
 def take(a: Actor, side: str, name: str, basket: str, aside: float = 0.0):
     """The grasp of a body with which it can be held over a basket."""
-    return grasp(side, name, goals=[list(above(a, basket, 0.08, aside))])
-
-
-def lies_in(o: Outcome, name: str, basket: str) -> bool:
-    """Whether a body lies inside a hollow one: below its rim, within its outline."""
-    at = transform(inverse(o.pose(basket)), o.pose(name)[:3])
-    low, high = o.bodies[basket].instance.shape().aabb()
-    return bool(((at > low - 0.002) & (at < high)).all())
+    return grasp(side, name, goals=[above(a, basket, 0.08, aside)])

@@ -13,7 +13,7 @@ from pipeline.tasks.contract import (
     side_of,
 )
 
-from .named import COLOURS, drop_in, lies_in, look_of, row, take
+from .named import COLOURS, drop_in, look_of, row, take
 
 
 @register
@@ -59,7 +59,7 @@ class SortTwoBelt(Task):
 
     def success(self, o: Outcome, arms: dict[str, str]) -> dict[str, bool]:
         return {
-            "first_in_basket": lies_in(o, "block", "basket"),
-            "second_in_basket": lies_in(o, "other", "other_basket"),
+            "first_in_basket": o.lies_in("block", "basket"),
+            "second_in_basket": o.lies_in("other", "other_basket"),
             "released": not (o.handled("block") or o.handled("other")),
         }

@@ -9,7 +9,7 @@ from pipeline.tasks.contract import (
     side_of,
 )
 
-from .named import COLOURS, drop_in, lies_in, look_of, take
+from .named import COLOURS, drop_in, look_of, take
 from .sort_two_belt import SortTwoBelt
 
 
@@ -52,8 +52,8 @@ class TakeTurnsBelts(SortTwoBelt):
         held = o.first_held("other")
         before = o if held is None else o.until(held + 1)
         return {
-            "first_in_basket": lies_in(o, "block", "basket"),
-            "second_in_basket": lies_in(o, "other", "basket"),
-            "in_turn": lies_in(before, "block", "basket"),
+            "first_in_basket": o.lies_in("block", "basket"),
+            "second_in_basket": o.lies_in("other", "basket"),
+            "in_turn": before.lies_in("block", "basket"),
             "released": not (o.handled("block") or o.handled("other")),
         }

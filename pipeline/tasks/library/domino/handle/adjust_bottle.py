@@ -2,7 +2,7 @@ from itertools import product
 
 import numpy as np
 
-from pipeline.expert.skills import ROUND, carry, grasp, lift, resting_poses, upright_goal
+from pipeline.expert.skills import carry, grasp, lift, resting_poses, upright_goal
 from pipeline.poses import quat_rotate
 from pipeline.tasks.contract import (
     TABLE_TOP,
@@ -47,7 +47,7 @@ class AdjustBottle(Task):
         )
 
     def meet(self, a: Actor) -> Skills:
-        yield grasp(a.arms["arm"], "bottle", goals=[list(self._raised(a))])
+        yield grasp(a.arms["arm"], "bottle", goals=[self._raised(a)])
 
     def finish(self, a: Actor) -> Skills:
         yield lift(a.arms["arm"], 0.10)
@@ -58,8 +58,8 @@ class AdjustBottle(Task):
         cap, out = a.frames("bottle")["cap"], sign_of(a.arms["arm"])
         z = TABLE_TOP + 2 * cap[0]
         places = product(CLEARANCES, (0.19, 0.23), (-0.12, -0.05))
-        spots = (upright_goal((out * x, y, z + foot)) for foot, x, y in places)
-        return np.concatenate([resting_poses(cap, spot, ROUND) for spot in spots])
+        spots = [upright_goal((out * x, y, z + foot)) for foot, x, y in places]
+        return resting_poses(cap, spots)
 
     def success(self, o: Outcome, arms: dict[str, str]) -> dict[str, bool]:
         limit = self.under(o.rules)

@@ -51,14 +51,14 @@ class HandoverBlock(Task):
         return {"giver": "left", "receiver": "right"}
 
     def meet(self, a: Actor) -> Skills:
-        goals = [list(self._exchange())]
+        goals = [self._exchange()]
         yield grasp(a.arms["giver"], "block", kinds=("high",), goals=goals, pitch=0.4)
 
     def finish(self, a: Actor) -> Skills:
         giver, receiver = a.arms["giver"], a.arms["receiver"]
         yield lift(giver, 0.10)
         centre = a.frame("pad", "centre")
-        goals = [list(resting_poses(a.frames("block")["base"], centre, QUARTERS))]
+        goals = [resting_poses(a.frames("block")["base"], centre, QUARTERS)]
         places = self._exchange()
         yield hand_over(giver, receiver, places, kinds=("low",), goals=goals, leading=40)
         yield open_(giver)

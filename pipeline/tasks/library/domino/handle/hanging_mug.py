@@ -63,8 +63,8 @@ class HangingMug(Task):
         yield retreat(catcher, 0.08)
         yield home(catcher)
         hole = a.frames("mug")["handle_hole"]
-        goals = np.concatenate([resting_poses(hole, goal, TILTS) for goal in self._on_the_peg(a)])
-        yield grasp(hanger, "mug", kinds=("side",), goals=[list(goals)], pitch=0.3)
+        goals = [resting_poses(hole, self._on_the_peg(a), TILTS)]
+        yield grasp(hanger, "mug", kinds=("side",), goals=goals, pitch=0.3)
         yield lift(hanger, 0.12)
         peg, out = self._on_the_peg(a), self._peg(a)
         yield place(

@@ -1,7 +1,6 @@
 import numpy as np
 
-from pipeline.expert.scripts import let_go
-from pipeline.expert.skills import ROUND, grasp, lift, place, resting_poses, upright_goal
+from pipeline.expert.skills import upright_goal
 from pipeline.poses import Pose
 from pipeline.tasks.contract import (
     TABLE_TOP,
@@ -10,8 +9,6 @@ from pipeline.tasks.contract import (
     Draw,
     Limit,
     Outcome,
-    Skills,
-    Task,
     Workspace,
     by_name,
     register,
@@ -19,13 +16,16 @@ from pipeline.tasks.contract import (
     within,
 )
 
+from .set_aside import SetAside
+
 
 @register
-class MoveCanPot(Task):
+class MoveCanPot(SetAside):
     """Catch a moving sauce can and stand it on the table beside the pot, on the side of the arm
     that caught it."""
 
     target = "can"
+    standoff = above = 0.06
     workspace = Workspace(-0.35, 0.35, -0.10, 0.20)
     limits = by_name(
         far=Limit(0.20),
@@ -48,17 +48,7 @@ class MoveCanPot(Task):
             distances={"pot": 0.30},
         )
 
-    def meet(self, a: Actor) -> Skills:
-        goals = resting_poses(a.frames("can")["base"], self._beside(a), ROUND)
-        yield grasp(a.arms["arm"], "can", goals=[list(goals)], standoff=0.06)
-
-    def finish(self, a: Actor) -> Skills:
-        arm = a.arms["arm"]
-        yield lift(arm, 0.10)
-        yield place(arm, "base", self._beside(a), yaws=ROUND, above=0.06)
-        yield from let_go(arm)
-
-    def _beside(self, a: Actor) -> Pose:
+    def goal(self, a: Actor) -> Pose:
         x, y, _ = a.pose("pot")[:3]
         return upright_goal((x + 0.18 * sign_of(a.arms["arm"]), y, TABLE_TOP))
 

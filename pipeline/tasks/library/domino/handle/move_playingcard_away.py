@@ -1,5 +1,4 @@
-from pipeline.expert.scripts import let_go
-from pipeline.expert.skills import ROUND, grasp, lift, place, resting_poses, upright_goal
+from pipeline.expert.skills import upright_goal
 from pipeline.poses import Pose
 from pipeline.tasks.contract import (
     ANY_YAW,
@@ -9,17 +8,17 @@ from pipeline.tasks.contract import (
     Draw,
     Limit,
     Outcome,
-    Skills,
-    Task,
     Workspace,
     by_name,
     register,
     sign_of,
 )
 
+from .set_aside import SetAside
+
 
 @register
-class MovePlayingcardAway(Task):
+class MovePlayingcardAway(SetAside):
     """Catch a moving deck of cards near the middle of the table and set it down far out on the side
     of the arm."""
 
@@ -38,17 +37,7 @@ class MovePlayingcardAway(Task):
             away_from_centre=0.05,
         )
 
-    def meet(self, a: Actor) -> Skills:
-        goals = resting_poses(a.frames("cards")["base"], self._aside(a), ROUND)
-        yield grasp(a.arms["arm"], "cards", goals=[list(goals)])
-
-    def finish(self, a: Actor) -> Skills:
-        arm = a.arms["arm"]
-        yield lift(arm, 0.10)
-        yield place(arm, "base", self._aside(a), yaws=ROUND)
-        yield from let_go(arm)
-
-    def _aside(self, a: Actor) -> Pose:
+    def goal(self, a: Actor) -> Pose:
         return upright_goal((0.27 * sign_of(a.arms["arm"]), -0.08, TABLE_TOP))
 
     def success(self, o: Outcome, arms: dict[str, str]) -> dict[str, bool]:

@@ -2,8 +2,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from pipeline.expert.scripts import let_go
-from pipeline.expert.skills import ROUND, grasp, lift, place, resting_poses, upright_goal
+from pipeline.expert.skills import upright_goal
 from pipeline.poses import Pose
 from pipeline.tasks.contract import (
     ANY_YAW,
@@ -15,14 +14,14 @@ from pipeline.tasks.contract import (
     Outcome,
     Placement,
     Region,
-    Skills,
-    Task,
     Workspace,
     by_name,
     family_of,
     register,
     within,
 )
+
+from .set_aside import SetAside
 
 KINDS = (
     *("mouse", "stapler", "bell", "toy_car", "rubiks_cube", "bread", "phone", "playing_cards"),
@@ -33,7 +32,7 @@ APART = 0.10  # m in y
 NEAR = 0.19  # m; A nearer to B than this must not stand on the side it shall come to
 
 
-class PlaceBeside(Task):
+class PlaceBeside(SetAside):
     """Object A moves, object B, of another kind, lies still. `direction` is -1 where A shall come
     to stand left of B, +1 right."""
 
@@ -66,17 +65,7 @@ class PlaceBeside(Task):
             if self.direction * dx < 0 or float(np.hypot(dx, dy)) > NEAR:
                 return a, b
 
-    def meet(self, a: Actor) -> Skills:
-        goals = resting_poses(a.frames("a")["base"], self._beside(a), ROUND)
-        yield grasp(a.arms["arm"], "a", goals=[list(goals)])
-
-    def finish(self, a: Actor) -> Skills:
-        arm = a.arms["arm"]
-        yield lift(arm, 0.10)
-        yield place(arm, "base", self._beside(a), yaws=ROUND)
-        yield from let_go(arm)
-
-    def _beside(self, a: Actor) -> Pose:
+    def goal(self, a: Actor) -> Pose:
         x, y, _ = a.pose("b")[:3]
         return upright_goal((x + self.direction * DISTANCE, y, TABLE_TOP))
 

@@ -44,8 +44,7 @@ class RotateQrcode(Task):
 
     def meet(self, a: Actor) -> Skills:
         goals = resting_poses(a.frames("sign")["base"], self._goal(a.arms), (0.0,))
-        both = [list(goals), list(lifted(goals, 0.07))]
-        yield grasp(a.arms["arm"], "sign", goals=both, standoff=0.06)
+        yield grasp(a.arms["arm"], "sign", goals=[goals, lifted(goals, 0.07)], standoff=0.06)
 
     def finish(self, a: Actor) -> Skills:
         arm = a.arms["arm"]

@@ -72,7 +72,7 @@ class ScanObject(Task):
         return {"arm": arm, "scan_arm": other_side(arm)}
 
     def meet(self, a: Actor) -> Skills:
-        yield grasp(a.arms["arm"], "box", goals=[list(self._shown(a.arms["arm"]))])
+        yield grasp(a.arms["arm"], "box", goals=[self._shown(a.arms["arm"])])
 
     def finish(self, a: Actor) -> Skills:
         arm, scan = a.arms["arm"], a.arms["scan_arm"]
@@ -80,7 +80,7 @@ class ScanObject(Task):
         shown = self._shown(arm)
         yield carry(arm, shown)
         scans = self._scans(a, a.pose("box"))
-        yield grasp(scan, "scanner", goals=[list(scans)], pitch=0.3)
+        yield grasp(scan, "scanner", goals=[scans], pitch=0.3)
         yield lift_clear(scan, 0.10)
         yield first_of(carry(scan, scans), face(arm, shown, scan, lambda box: self._scans(a, box)))
 

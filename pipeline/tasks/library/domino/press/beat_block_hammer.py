@@ -35,8 +35,8 @@ class BeatBlockHammer(Task):
 
     def meet(self, a: Actor) -> Skills:
         arm, top = a.arms["arm"], a.frame("block", "top")
-        goals = resting_poses(a.frames("hammer")["base"], top, ROUND)
-        yield grasp(arm, "hammer", goals=[list(goals)], pitch=1.1)
+        goals = resting_poses(a.frames("hammer")["base"], top)
+        yield grasp(arm, "hammer", goals=[goals], pitch=1.1)
         yield lift(arm, 0.10)
         yield place(arm, "base", top, yaws=ROUND, above=0.07, press=0.004, speed=0.3)
 

@@ -73,7 +73,7 @@ class DumpBinBigbin(Task):
         return {"arm": side_of(bodies["bin"]), "pourer": "left"}
 
     def meet(self, a: Actor) -> Skills:
-        between = [[upright_goal(MIDDLE, yaw) for yaw in ROUND]]
+        between = [np.stack([upright_goal(MIDDLE, yaw) for yaw in ROUND])]
         goals = self._ends(a) if a.arms["arm"] == "left" else between
         yield grasp(a.arms["arm"], "bin", goals=goals, pitch=0.9)
 
@@ -129,8 +129,8 @@ class DumpBinBigbin(Task):
                     ]
         return np.stack(poses)
 
-    def _ends(self, a: Actor) -> list[list[np.ndarray]]:
-        return [list(self._over(a)[::5]), list(self._tipped(a, slice(1), (2.2,))[::2])]
+    def _ends(self, a: Actor) -> list[np.ndarray]:
+        return [self._over(a)[::5], self._tipped(a, slice(1), (2.2,))[::2]]
 
     def success(self, o: Outcome, arms: dict[str, str]) -> dict[str, bool]:
         limit = self.under(o.rules)

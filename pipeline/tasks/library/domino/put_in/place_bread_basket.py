@@ -76,8 +76,8 @@ class PlaceBreadBasket(Task):
                 return onto
         return options[0]
 
-    def _goals(self, a: Actor, onto: Pose) -> list[list[Pose]]:
-        return [list(resting_poses(a.frames("bread")["base"], onto, ROUND))]
+    def _goals(self, a: Actor, onto: Pose) -> list[np.ndarray]:
+        return [resting_poses(a.frames("bread")["base"], onto)]
 
     def success(self, o: Outcome, arms: dict[str, str]) -> dict[str, bool]:
         limit = self.under(o.rules)

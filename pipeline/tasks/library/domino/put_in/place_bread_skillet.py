@@ -105,8 +105,8 @@ class PlaceBreadSkillet(Task):
         found = list[int]()
         reached = np.flatnonzero(ok)
         for i in reached[:: max(1, len(reached) // JUDGED)]:
-            spots = [resting_poses(base, spot, ROUND) for spot in self._spots(a, held[i])]
-            over = lifted(hand_poses(a, arm, np.concatenate(spots)), ABOVE)
+            spots = resting_poses(base, self._spots(a, held[i]))
+            over = lifted(hand_poses(a, arm, spots), ABOVE)
             at, solved = planner.solve(over)
             there = planner.within(planner.scene.expecting(pan, q[i]))
             touching = [("bread", "skillet"), (f"{arm}_fingers", "skillet")]

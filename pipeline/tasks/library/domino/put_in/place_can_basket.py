@@ -18,8 +18,8 @@ class PlaceCanBasket(IntoBasket):
 
     def meet(self, a: Actor) -> Skills:
         arm = a.arms["arm"]
-        goals = resting_poses(a.frames("can")["base"], a.frame("basket", arm), ROUND)
-        yield grasp(arm, "can", goals=[list(goals)], pitch=0.8)
+        goals = resting_poses(a.frames("can")["base"], a.frame("basket", arm))
+        yield grasp(arm, "can", goals=[goals], pitch=0.8)
 
     def finish(self, a: Actor) -> Skills:
         arm, lifter = a.arms["arm"], a.arms["lifter"]

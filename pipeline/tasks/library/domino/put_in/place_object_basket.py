@@ -34,7 +34,7 @@ class PlaceObjectBasket(IntoBasket):
     def meet(self, a: Actor) -> Skills:
         arm = a.arms["arm"]
         goals = resting_poses(a.frames("object")["base"], a.frame("basket", arm), self._along(a))
-        yield grasp(arm, "object", goals=[[lifted(g, DROP) for g in goals]], pitch=1.2)
+        yield grasp(arm, "object", goals=[lifted(goals, DROP)], pitch=1.2)
 
     def finish(self, a: Actor) -> Skills:
         arm, lifter = a.arms["arm"], a.arms["lifter"]

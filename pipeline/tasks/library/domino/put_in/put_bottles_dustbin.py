@@ -59,12 +59,12 @@ class PutBottlesDustbin(Task):
         arm, goals, kinds = "left", self._over_the_bin(a), BODY
         if a.arms["arm"] == "right":
             arm, goals, kinds = "right", self._exchange(), ("neck", "high")
-        yield grasp(arm, "bottle", kinds=kinds, goals=[list(goals)], pitch=0.4)
+        yield grasp(arm, "bottle", kinds=kinds, goals=[goals], pitch=0.4)
 
     def finish(self, a: Actor) -> Skills:
         if a.arms["arm"] == "right":
             yield lift("right", 0.10)
-            goals = [list(self._over_the_bin(a))]
+            goals = [self._over_the_bin(a)]
             yield hand_over("right", "left", self._exchange(), kinds=("low", "side"), goals=goals)
             yield open_("right")
             yield retreat("right", 0.08)

@@ -85,9 +85,8 @@ class PutObjectCabinet(Task):
     def meet(self, a: Actor) -> Skills:
         arm = a.arms["arm"]
         base, yaws = a.frames("object")["base"], self._across(a)
-        spots = self._spots(a, PULL)[1:3]
-        opened = np.concatenate([resting_poses(base, spot, yaws) for spot in spots])
-        yield grasp(arm, "object", goals=[[lifted(p, HELD) for p in opened]])
+        opened = resting_poses(base, self._spots(a, PULL)[1:3], yaws)
+        yield grasp(arm, "object", goals=[lifted(opened, HELD)])
 
     def finish(self, a: Actor) -> Skills:
         arm, puller = a.arms["arm"], a.arms["drawer_arm"]

@@ -27,7 +27,7 @@ class PlaceFan(SetDown):
     def meet(self, a: Actor) -> Skills:
         arm, centre = a.arms["arm"], a.frame("pad", "centre")
         down = resting_poses(a.frames("fan")["base"], centre, (0.0,))
-        goals = [list(down), list(lifted(down, 0.05))]
+        goals = [down, lifted(down, 0.05)]
         yield from regrasp(a, arm, "fan", goals[:1])
         yield grasp(arm, "fan", goals=goals)
         yield lift(arm, 0.06)
