@@ -145,7 +145,7 @@ def read_demonstrations(root: Path, cells: Sequence[Cell]) -> Iterator[Demonstra
     for path in dataset.accepted(dataset.recipe()):
         with open_episode(path) as file:
             spec, meta = file.spec, file.meta
-            cell = Cell(spec.task, spec.embodiment, spec.level, spec.alpha, spec.domain)
+            cell = Cell.of(spec)
             if cell in cells:
                 try:
                     bodies = {

@@ -5,7 +5,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from types import MappingProxyType
-from typing import Any
+from typing import Any, Self
+
+from pipeline.data.spec import EpisodeSpec
 
 DEFAULT_ALPHA = 0.1
 
@@ -21,6 +23,10 @@ class Cell:
     level: int
     alpha: float
     domain: str
+
+    @classmethod
+    def of(cls, spec: EpisodeSpec) -> Self:
+        return cls(spec.task, spec.embodiment, spec.level, spec.alpha, spec.domain)
 
     @property
     def path(self) -> str:

@@ -100,7 +100,7 @@ class DominoEnv(gymnasium.Env[Any, NDArray[np.float32]]):
         if not can_do(TASKS[task], robot.sides):
             raise ValueError(f"task {task!r}: {robot.name} has no arm for it: use two arms")
         spec = EpisodeSpec(task, robot.name, level, alpha, domain, 0, 0)
-        self._cell = Cell(spec.task, spec.embodiment, spec.level, spec.alpha, spec.domain)
+        self._cell = Cell.of(spec)
         self.setup = setup if observations == "policy" else blind(setup)
         self.task, self._split, self.render_mode = task, instructions, render_mode
         self.fps, self.metadata = setup.fps, self.metadata | {"render_fps": setup.fps}

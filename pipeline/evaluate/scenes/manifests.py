@@ -177,7 +177,7 @@ class SeedJob:
     @property
     def spec(self) -> EpisodeSpec:
         c = self.cell
-        return EpisodeSpec(c.task, c.embodiment, c.level, c.alpha, c.domain, 0, self.seed)
+        return EpisodeSpec(**vars(c), slot=0, seed=self.seed)
 
 
 def try_seed(job: SeedJob) -> Case | str:

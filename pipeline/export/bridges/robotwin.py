@@ -42,8 +42,7 @@ def tool_poses(tcp: Floats) -> Floats:
 
 
 def cell_parts(spec: EpisodeSpec) -> list[str]:
-    cell = Cell(spec.task, spec.embodiment, spec.level, spec.alpha, spec.domain)
-    return cell.path.split("/")
+    return Cell.of(spec).path.split("/")
 
 
 def configuration(spec: EpisodeSpec) -> str:

@@ -57,8 +57,7 @@ class SurveyedEpisode:
 
     @property
     def cell(self) -> Cell:
-        s = self.spec
-        return Cell(s.task, s.embodiment, s.level, s.alpha, s.domain)
+        return Cell.of(self.spec)
 
 
 def look(file: Path) -> SurveyedEpisode:

@@ -72,9 +72,8 @@ def _check_episode(path: Path) -> Iterator[str]:
         if damaged := file.damaged():
             yield f"its content is not what was written ({', '.join(damaged[:3])}); {AGAIN}"
         meta, spec = file.meta, file.spec
-        cell = Cell(spec.task, spec.embodiment, spec.level, spec.alpha, spec.domain)
         folder = "failures" if meta.failure else "episodes"
-        place = f"{folder}/{Slot(cell, spec.slot, meta.variant).path}"
+        place = f"{folder}/{Slot(Cell.of(spec), spec.slot, meta.variant).path}"
         if not _ATTEMPT.sub("", str(path.with_suffix(""))).endswith(f"/{place}"):
             yield f"holds {place}, not that of its place; {AGAIN}"
         if meta.keys:

@@ -104,8 +104,7 @@ def datasets_of(
 
 
 def _cell(spec: EpisodeSpec) -> str:
-    cell = Cell(spec.task, spec.embodiment, spec.level, spec.alpha, spec.domain)
-    task, rest = cell.path.split("/", 1)
+    task, rest = Cell.of(spec).path.split("/", 1)
     return f"{rest}/{task}"
 
 
