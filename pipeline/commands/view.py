@@ -7,7 +7,7 @@ from typing import Annotated
 
 from tqdm import tqdm
 
-from pipeline.data.dataset import Dataset
+from pipeline.data.dataset import Dataset, check_apart
 from pipeline.data.intact import check_bytes, kept_failures, named_slot
 
 from .common import (
@@ -103,12 +103,10 @@ def view(
 
 
 def _check_place(place: Path, dataset: Path) -> None:
-    """Raise UsageError for a directory unfit for this command's pages."""
+    """Raise DominoError for a directory unfit for this command's pages."""
     from pipeline.report.viewer.page import OURS
 
-    inside, outside = place.resolve(), dataset.resolve()
-    if inside.is_relative_to(outside) or outside.is_relative_to(inside):
-        raise UsageError(f"--out {place}: is inside the dataset or holds it: name another")
+    check_apart(place, dataset)
     if place.is_dir() and (foreign := [f for f in place.iterdir() if not f.name.startswith(OURS)]):
         raise UsageError(
             f"--out {place}: has {foreign[0].name}, which is not a page of the viewer: name another"

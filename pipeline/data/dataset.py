@@ -38,6 +38,13 @@ class DatasetError(DominoError):
     """A dataset that cannot be used as asked: one line with the fix."""
 
 
+def check_apart(out: Path, dataset: Path) -> None:
+    """Raise DatasetError if `out` is a dataset, within it or around it."""
+    there, here = out.resolve(), dataset.resolve()
+    if here.is_relative_to(there) or there.is_relative_to(here):
+        raise DatasetError(f"--out {out}: is inside the dataset or holds it: name another")
+
+
 FOLDERS = ("annotations", "assets", "episodes", "exports", "failures", "logs", "orphans", "report")
 
 

@@ -13,7 +13,7 @@ from pipeline.annotate.overlays import annotation_sheet
 from pipeline.crew.contract import Crew, Died, Done
 from pipeline.crew.loop import run
 from pipeline.data.atomic import exclusive, sweep
-from pipeline.data.dataset import Dataset, DatasetError
+from pipeline.data.dataset import Dataset, DatasetError, check_apart
 from pipeline.data.episode.file import EpisodeError, EpisodeFile
 from pipeline.data.episode.visuals import LOOK
 from pipeline.data.recipe.model import Recipe, Slot, parse_recipe
@@ -65,12 +65,7 @@ def render(
     `changes` are recipe keys that differ. Raises DatasetError, Busy, RecipeError, CameraError,
     NoRenderer, CrewError.
     """
-    here, there = source.root.resolve(), out.root.resolve()
-    if here.is_relative_to(there) or there.is_relative_to(here):
-        raise DatasetError(
-            f"--out {out.root} is the dataset itself, within it or around it: name another"
-            " directory"
-        )
+    check_apart(out.root, source.root)
     source.check_seal()
     held = source.recipe()
     recipe = parse_recipe(held.model_dump() | changes, "options", flags)

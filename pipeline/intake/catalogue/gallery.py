@@ -11,12 +11,13 @@ from numpy.typing import NDArray
 from pipeline.data.atomic import write_atomic
 from pipeline.data.cameras import Camera, CameraType, look
 from pipeline.html import render_page
+from pipeline.intake.objects.standing import instance_of
 from pipeline.poses import Pose, pose
 from pipeline.report.film_strip import encode
 from pipeline.world.drawing.renderer import Renderer
 from pipeline.world.looks.visuals import CLEAN
 from pipeline.world.objects.colliders import ALONG_X, ALONG_Y
-from pipeline.world.objects.contract import FAMILIES, Family, Grasp
+from pipeline.world.objects.contract import Family, Grasp
 from pipeline.world.objects.geometry import at, box, cylinder
 from pipeline.world.physics.body import TABLE_TOP
 from pipeline.world.shapes import Material, Mesh
@@ -72,7 +73,7 @@ def write_gallery(
     path.parent.mkdir(parents=True, exist_ok=True)  # before the drawing, which takes seconds
     exhibits = defaultdict[str, list[dict[str, Any]]](list)
     for name in families:
-        for instance in (_draw(name, seed) for seed in range(per_family)):
+        for instance in (instance_of(name, seed) for seed in range(per_family)):
             frames, words = instance.frames(), ", ".join(instance.words().seen[-2:])
             kinds = ", ".join(sorted({g.kind for g in frames.grasps}))
             notes = (words, f"frames: {', '.join(frames.points)}", f"grasps: {kinds}")
@@ -83,11 +84,7 @@ def write_gallery(
     write_atomic(path, render_page("pipeline.intake.catalogue", "gallery.html", **values).encode())
 
 
-def _draw(name: str, seed: int) -> Family:
-    return FAMILIES[name].draw(np.random.Generator(np.random.Philox(seed)))
-
-
 def write_portrait(name: str, path: Path) -> None:
-    one = _draw(name, 0)
+    one = instance_of(name)
     both = np.concatenate([portrait(one, marks) for marks in (False, True)], axis=1)
     write_atomic(path, encode(both, ".png"))

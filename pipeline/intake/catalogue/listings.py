@@ -6,13 +6,13 @@ from typing import Any
 
 import numpy as np
 
+from pipeline.intake.objects.standing import instance_of
 from pipeline.motion.models import MODELS, levels_of
 from pipeline.tasks import TASKS
 from pipeline.tasks.contract import Draw
 from pipeline.tasks.layout import families_of
 from pipeline.world import robots
 from pipeline.world.cameras import cameras_of
-from pipeline.world.objects.contract import FAMILIES
 
 
 def list_tasks() -> list[dict[str, Any]]:
@@ -36,7 +36,7 @@ def list_objects(names: Sequence[str]) -> dict[str, dict[str, Any]]:
     """Seed 0 of each family: m, kg, frames x y z qw qx qy qz, and tasks."""
     out = {}
     for name in names:
-        one = FAMILIES[name].draw(np.random.Generator(np.random.Philox(0)))
+        one = instance_of(name)
         shape, frames = one.shape(), one.frames()
         out[name] = {
             "noun": one.words().noun,

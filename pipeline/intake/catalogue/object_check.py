@@ -8,7 +8,7 @@ import sapien
 
 from pipeline.data.process.own_code import Finding, catch_errors
 from pipeline.intake.objects.draft import TRIANGLES as OF_A_FILE
-from pipeline.intake.objects.standing import first_of, inside
+from pipeline.intake.objects.standing import inside, instance_of
 from pipeline.poses import Pose, pose, quat_rotate
 from pipeline.world.objects.contract import FAMILIES, Family, Grasp, stands_for
 from pipeline.world.objects.words import SEEN, UNSEEN
@@ -40,7 +40,7 @@ def check_object(name: str) -> list[Finding]:
 def _check(name: str, family: type[Family]) -> list[Finding]:
     model = stands_for(family)
     # an object from files is always the same, and has the words that its user gave it
-    drawn = [family.draw(_rng(seed)) for seed in range(1 if model else INSTANCES)]
+    drawn = [instance_of(name, seed) for seed in range(1 if model else INSTANCES)]
     built = [(one, one.shape()) for one in drawn[:BUILT]]
     frames, most = built[0][0].frames(), OF_A_FILE if model else TRIANGLES
     kinds = ", ".join(sorted({g.kind for g in frames.grasps}))
@@ -65,11 +65,7 @@ def _check(name: str, family: type[Family]) -> list[Finding]:
         return [*solid, hollows, grasps, rest]
     always = f"{INSTANCES} seeds draw {INSTANCES} instances, each always the same"
     words = _judge("words", _words(drawn), f"{SEEN} seen and {UNSEEN} unseen descriptions")
-    return [_judge("drawing", _drawing(family, drawn), always), *solid, grasps, words, rest]
-
-
-def _rng(seed: int) -> np.random.Generator:
-    return np.random.Generator(np.random.Philox(seed))
+    return [_judge("drawing", _drawing(name, drawn), always), *solid, grasps, words, rest]
 
 
 def _judge(name: str, problems: Iterable[str], good: str) -> Finding:
@@ -77,8 +73,8 @@ def _judge(name: str, problems: Iterable[str], good: str) -> Finding:
     return Finding(name, first is None, first or good)
 
 
-def _drawing(family: type[Family], drawn: Sequence[Family]) -> Iterator[str]:
-    if list(drawn) != [family.draw(_rng(seed)) for seed in range(INSTANCES)]:
+def _drawing(name: str, drawn: Sequence[Family]) -> Iterator[str]:
+    if list(drawn) != [instance_of(name, seed) for seed in range(INSTANCES)]:
         yield "the same seed draws another instance: draw from `rng` only, in a frozen dataclass"
     different = len(set(drawn))
     if different < INSTANCES:
@@ -131,7 +127,7 @@ def _frames(one: Family, shape: Shape) -> Iterator[str]:
 
 
 def _hollows(family: str, one: Family, shape: Shape) -> Iterator[str]:
-    model = first_of(family)
+    model = instance_of(family)
     theirs, own = model.frames().points, one.frames().points
     for label in theirs.keys() & own.keys() - {"base", "top"}:
         usual, free = (

@@ -23,7 +23,7 @@ from pipeline.world.objects.from_files import TOML, ObjectError, add_all
 
 from .draft import ObjectOptions, write_object
 from .robotwin import VERSION, Instance, described_in, draft_of_instance, instances
-from .standing import first_of
+from .standing import instance_of
 
 SCHEME = "robotwin:"
 REFUSED = "refused.txt"
@@ -165,7 +165,7 @@ def _make_here(batch: Sequence[tuple[_OriginalInstance, Path]]) -> None:
         options, model = ObjectOptions(instance.name, instance.family, place.parent), instance.model
         try:
             draft = draft_of_instance(instance.files, options, model.scale)
-            usual = first_of(instance.family).frames().grasps if model.held else ()
+            usual = instance_of(instance.family).frames().grasps if model.held else ()
             if usual and not draft.settings.grasps:
                 raise ObjectError(NO_GRASP)
         except (ObjectError, MeshError) as error:

@@ -20,7 +20,7 @@ from pipeline.world.objects.from_files import ObjectError, Phrases
 
 from .draft import ObjectDraft, ObjectOptions, check_size, looks_of, moved, settings_of
 from .holding import pinch_at, two_finger_grasps
-from .standing import first_of, kinds_like, solid_of, stand_up
+from .standing import instance_of, kinds_like, solid_of, stand_up
 
 # raise it when the same files give other objects: those in the user's cache are made again then
 VERSION = 2
@@ -81,7 +81,7 @@ def instances(directory: Path) -> list[Instance]:
 
 
 def draft_of_instance(each: Instance, options: ObjectOptions, unscaled: float = 1.0) -> ObjectDraft:
-    data, noun = _read(each.data), first_of(options.family).words().noun
+    data, noun = _read(each.data), instance_of(options.family).words().noun
     given = np.asarray(unscaled if data.scale is None else data.scale, float)
     scale = np.broadcast_to(given * options.scale, 3)
     scaled = np.diag([*scale, 1.0])

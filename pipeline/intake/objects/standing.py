@@ -14,7 +14,7 @@ from trimesh.poses import compute_stable_poses
 
 from pipeline.intake.robots.simplify import Cut, convex_parts, corners
 from pipeline.poses import IDENTITY, Floats, Pose, inverse, pose, quat_rotate, transform
-from pipeline.world.objects.contract import FAMILIES, Grasp
+from pipeline.world.objects.contract import FAMILIES, Family, Grasp
 from pipeline.world.objects.from_files import ObjectError, piece
 from pipeline.world.shapes import Collider
 
@@ -127,13 +127,13 @@ def _turns(up: Floats) -> list[Floats]:
 @cache
 def _pattern(family: str) -> tuple[Floats, NDArray[np.bool_], Floats]:
     """Bounds (2,3) of the family's first instance, filled cells, log proportions."""
-    pieces = first_of(family).shape().collision
+    pieces = instance_of(family).shape().collision
     box = bounds(pieces)
     return box, inside(pieces, _cells(box)), _proportions(box)
 
 
-def first_of(family: str):
-    return FAMILIES[family].draw(np.random.Generator(np.random.Philox(0)))
+def instance_of(family: str, seed: int = 0) -> Family:
+    return FAMILIES[family].draw(np.random.Generator(np.random.Philox(seed)))
 
 
 def _likeness(pieces: Sequence[Collider], turn: Floats, family: str) -> float:
@@ -179,7 +179,7 @@ WHOLE = {"base", "top"}
 
 def frames_like(pieces: Sequence[Collider], family: str) -> dict[str, Pose]:
     """The frames (7,) that the family has, on the object."""
-    model = first_of(family)
+    model = instance_of(family)
     solid = model.shape().collision
     box, own = bounds(solid), bounds(pieces)
     frames = {"base": pose((0, 0, 0)), "top": pose((0, 0, own[1, 2]))}
@@ -208,7 +208,7 @@ def kinds_like(
     grasps: Sequence[Grasp], pieces: Sequence[Collider], family: str
 ) -> tuple[Grasp, ...]:
     """The grasps with the kinds of the family's."""
-    model = first_of(family)
+    model = instance_of(family)
     known = model.frames().grasps
     if not known or not grasps:
         return tuple(grasps)

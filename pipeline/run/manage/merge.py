@@ -8,7 +8,7 @@ from typing import Any
 
 from pipeline.annotate.overlays import annotation_sheet
 from pipeline.data.atomic import exclusive, file_state, link, write_atomic
-from pipeline.data.dataset import Dataset, DatasetError
+from pipeline.data.dataset import Dataset, DatasetError, check_apart
 from pipeline.data.intact import CHANGED, is_intact
 from pipeline.data.keys import seal
 from pipeline.data.recipe.growth import differences, left_out
@@ -38,17 +38,13 @@ def merge(sources: Sequence[Dataset], out: Dataset) -> Merged:
     """
     if len(sources) < 2:
         raise DatasetError("merge joins two datasets or more: name another one")
-    there, seen = out.root.resolve(), set[Path]()
+    seen = set[Path]()
     for source in sources:
         here = source.root.resolve()
         if here in seen:
             raise DatasetError(f"{source.root} is named twice: name each dataset once")
         seen.add(here)
-        if here.is_relative_to(there) or there.is_relative_to(here):
-            raise DatasetError(
-                f"--out {out.root} is one of the datasets, within one or around it: name another"
-                " directory"
-            )
+        check_apart(out.root, source.root)
         source.check_seal()
     recipes = [source.recipe() for source in sources]
     recipe = _join_recipes(sources, recipes)

@@ -14,7 +14,7 @@ from pipeline.intake.catalogue.object_check import check_object, free_before
 from pipeline.intake.objects.add import describe, draft_all, enter_objects
 from pipeline.intake.objects.draft import draft_of
 from pipeline.intake.objects.holding import two_finger_grasps
-from pipeline.intake.objects.standing import first_of
+from pipeline.intake.objects.standing import instance_of
 from pipeline.plugins import load_plugins
 from pipeline.poses import quat_rotate
 from pipeline.world.files import read_glb, write_glb
@@ -116,7 +116,7 @@ def test_a_solid_box_is_no_mug(tmp_path, options):
     add_here(box_file(tmp_path / "box.obj", (0.07, 0.06, 0.08)), replace(options, family="mug"))
     [found] = [found for found in check_object("thing") if found.name == "hollows"]
     assert not found.ok and "mm are free before its frame" in found.detail
-    mug = first_of("mug")
+    mug = instance_of("mug")
     bottom, edge = mug.frames()["inside"][2], mug.shape().aabb()[1, 2]
     assert free_before(mug.shape(), mug.frames()["inside"]) == pytest.approx(
         edge - bottom, abs=0.004
