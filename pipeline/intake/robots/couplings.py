@@ -1,13 +1,13 @@
 """How a gripper's joints follow each other in MuJoCo: one moves, others are observed."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from copy import copy
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from pipeline.poses import Floats
+from pipeline.world.robots.urdf_file import Mimic, UrdfError
 
 # positions of the driving joint, seconds at each, seconds of a step of simulation
 STOPS, SETTLE, STEP = 5, 1.0, 1e-3
@@ -18,33 +18,18 @@ STILL = 0.03  # share of the driving joint's travel, below which a joint counts 
 BENT = 0.1  # share of a joint's travel by which it may leave the straight line
 
 
-class CouplingError(ValueError):
-    """A joint, by its number, that no mimic rule describes."""
-
-    def __init__(self, joint: int, why: str) -> None:
-        super().__init__(why)
-        self.joint = joint
-
-
-@dataclass(frozen=True)
-class Coupling:
-    """A joint's position is `multiplier` times that of `leader`, plus `offset`; 0 fixes it."""
-
-    leader: int
-    multiplier: float
-    offset: float
-
-
-def couplings(model: Any) -> dict[int, Coupling]:
-    """How coupled joints follow a driving one, without gravity, contacts or actuators. Raises
-    CouplingError for joints without limits or not in proportion."""
-    by_joint: dict[int, Coupling] = {}
+def couplings(model: Any, name: Callable[[int], str]) -> dict[int, Mimic]:
+    """How coupled joints follow a driving one, without gravity, contacts or actuators, by number; a
+    multiplier of 0 fixes a joint. Raises UrdfError for joints without limits or not in proportion.
+    """
+    by_joint: dict[int, Mimic] = {}
     driven = _driven(model)
     for group in _groups(model):
         leader = min(group, key=lambda joint: (joint not in driven, joint))
         lower, upper = model.jnt_range[leader].tolist()
         if not (model.jnt_limited[leader] and lower < upper):
-            raise CouplingError(leader, "drives other joints and has no limits; give it a range")
+            what = "drives other joints and has no limits; give it a range"
+            raise UrdfError(f"joint {name(leader)!r} {what}")
         at = np.linspace(lower, upper, STOPS)
         rows = _swept(model, leader, at, group)
         for joint in sorted(group - {leader}):
@@ -55,8 +40,9 @@ def couplings(model: Any) -> dict[int, Coupling]:
             if travel < STILL * (upper - lower):
                 slope, offset = 0.0, float(moved.mean())
             elif not np.abs(slope * at + offset - moved).max() < BENT * travel:
-                raise CouplingError(joint, "does not follow its driving joint in proportion")
-            by_joint[joint] = Coupling(leader, slope, offset)
+                what = "does not follow its driving joint in proportion"
+                raise UrdfError(f"joint {name(joint)!r} {what}")
+            by_joint[joint] = Mimic(name(leader), slope, offset)
     return by_joint
 
 

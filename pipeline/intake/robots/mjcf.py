@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 from pathlib import Path, PureWindowsPath
 from typing import Any
 
@@ -22,7 +23,7 @@ from pipeline.world.robots.urdf_file import (
     read_xml,
 )
 
-from .couplings import CouplingError, couplings
+from .couplings import couplings
 
 MJCF = (".xml", ".mjcf")
 FLANGE = "attach"  # in the name of the frame that MuJoCo Menagerie's arms have for a gripper
@@ -66,10 +67,9 @@ class _CompiledModel:
         if not moved:
             raise UrdfError(f"{self.path}: no body of it has a joint")
         try:
-            rules = couplings(model)
-        except CouplingError as error:
-            name = self._name("joint", error.joint)
-            raise UrdfError(f"{self.path}: joint {name!r} {error}") from error
+            rules = couplings(model, partial(self._name, "joint"))
+        except UrdfError as error:
+            raise UrdfError(f"{self.path}: {error}") from error
         links, above, mimics = dict[str, UrdfLink](), dict[str, Joint](), dict[str, Mimic]()
         for body in (b for b in range(1, model.nbody) if int(model.body_rootid[b]) in moved):
             name = self._name("body", body)
@@ -85,8 +85,7 @@ class _CompiledModel:
                 origin = compose(joint.origin, joint_motion(joint, rule.offset))
                 above[name] = replace(joint, kind="fixed", origin=origin)
             elif rule is not None:
-                leader = self._name("joint", rule.leader)
-                mimics[joint.name] = Mimic(leader, rule.multiplier, rule.offset)
+                mimics[joint.name] = rule
         return UrdfRobot(self.path, links, above, mimics)
 
     def _name(self, kind: str, i: int) -> str:
