@@ -15,7 +15,7 @@ from pipeline.export.formats.lerobot.options import datasets_of
 from pipeline.export.options import option
 from pipeline.export.shared.derived import interception
 from pipeline.export.shared.draft import ExportDraft
-from pipeline.export.shared.episodes import Facts, read_facts, reading
+from pipeline.export.shared.episodes import Facts
 from pipeline.export.shared.tables import PROVENANCE, Provenance
 from pipeline.motion.contract import TargetMotion
 from pipeline.motion.planar import PlanarMotion, Segment
@@ -109,13 +109,10 @@ class PumaGt(Exporter[PumaGtOptions]):
             root.mkdir(parents=True)
             with closing(Provenance(root / PROVENANCE, draft)) as rows:
                 for index, path in enumerate(paths):
-                    with reading(path) as file:
-                        facts = read_facts(file, job.dataset)
-                    rows.append(facts)
+                    with rows.noting(job, path) as (_, facts):
+                        told = payload(index, facts, interception(facts))
                     place = root / f"ep{index:03d}"
                     place.mkdir()
-                    told = payload(index, facts, interception(facts))
                     (place / "gt.pkl").write_bytes(pickle.dumps(told, protocol=PROTOCOL))
-                    job.advance()
             frames += rows.frames
         return {"episodes": len(job.episodes), "frames": frames}

@@ -13,14 +13,11 @@ from numpy.typing import NDArray
 from pipeline.data.episode.file import EpisodeFile
 from pipeline.data.episode.hdf5 import new_hdf5
 from pipeline.export.exporter import Exporter, Job
-from pipeline.export.options import representation_of
 from pipeline.export.shared.draft import ExportDraft
 from pipeline.export.shared.episodes import (
     Facts,
     by_embodiment,
     exported_cameras,
-    read_facts,
-    reading,
 )
 from pipeline.export.shared.tables import PROVENANCE, Provenance
 
@@ -106,18 +103,15 @@ class Hdf5Exporter[O](Exporter[O]):
 
     def write(self, job: Job[O], draft: ExportDraft) -> dict[str, Any]:
         values: dict[str, Any] = {"episodes": len(job.episodes), "frames": 0}
-        options, representation = job.options, representation_of(job.options)
+        options = job.options
         for directory, paths in self.directories(job.episodes, draft.folder).items():
             shared, notes = self.shared(paths, options), list[Any]()
             with closing(Provenance(directory / PROVENANCE, draft)) as rows:
                 for index, path in enumerate(paths):
                     made = self.file(directory, index)
                     made.parent.mkdir(parents=True, exist_ok=True)
-                    with reading(path) as file:
-                        facts = read_facts(file, job.dataset, representation=representation)
-                        rows.append(facts)
+                    with rows.noting(job, path) as (file, facts):
                         self.contents(file, facts, options, shared).write(made)
-                    job.advance()
                     if index == 0:
                         name = directory.relative_to(draft.folder).as_posix()
                         self.sum_up(values, name, facts, options)

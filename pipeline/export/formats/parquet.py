@@ -57,11 +57,8 @@ class Parquet(Exporter[ParquetOptions]):
             for index, path in enumerate(paths):
                 for one in plan.joined:
                     draft.note(one.file(job.dataset, source_of(path, job.dataset)))
-                with reading(path) as file:
-                    facts = read_facts(file, job.dataset, representation=options.representation)
-                    rows.append(facts)
+                with rows.noting(job, path) as (file, facts):
                     files.write(episode_table(index, facts, file, plan, job.dataset))
-                job.advance()
         return {
             "episodes": len(paths),
             "frames": rows.frames,

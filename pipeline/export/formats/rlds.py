@@ -77,16 +77,13 @@ def _messages(
     """Messages of episodes, which are noted in `rows`; their features must be those in `kinds`,
     which the first fills."""
     for path in shard:
-        with reading(path) as file:
-            facts = read_facts(file, job.dataset, None, job.options.representation)
+        with rows.noting(job, path) as (file, facts):
             features = episode_features(file, facts, job.options)
         own = {name: kind for name, (kind, _) in features.items()}
         if kinds not in ({}, own):
             raise ExportError(f"{facts.source}: has other sensors than the episodes before it")
         kinds |= own
-        rows.append(facts)
         yield example({name: value for name, (_, value) in features.items()})
-        job.advance()
 
 
 def episode_features(

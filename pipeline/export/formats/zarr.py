@@ -21,8 +21,6 @@ from pipeline.export.shared.episodes import (
     Facts,
     by_embodiment,
     exported_cameras,
-    read_facts,
-    reading,
 )
 from pipeline.export.shared.images import DEPTH, POINTCLOUD, resize
 from pipeline.export.shared.tables import PROVENANCE, Provenance
@@ -119,10 +117,8 @@ class Zarr(Exporter[ZarrOptions]):
             arrays, ends = dict[str, ZarrArray](), [0]
             with closing(Provenance(directory / PROVENANCE, draft)) as rows:
                 for path in paths:
-                    with reading(path) as file:
-                        facts = read_facts(file, job.dataset, None, job.options.representation)
+                    with rows.noting(job, path) as (file, facts):
                         values = episode_values(file, facts, job.options)
-                    rows.append(facts)
                     found = {key: (each.dtype, each.shape[1:]) for key, each in values.items()}
                     if found != (kinds := kinds or found):
                         odd = min(k for k in {*found, *kinds} if found.get(k) != kinds.get(k))
@@ -134,7 +130,6 @@ class Zarr(Exporter[ZarrOptions]):
                         arrays[key].append(each)
                     ends.append(ends[-1] + len(facts))
                     cameras |= cameras_of(facts, job.options)
-                    job.advance()
             arrays["ends"] = ZarrArray(root / "meta" / "episode_ends", len(paths))
             arrays["ends"].append(np.array(ends[1:], "<i8"))
             for array in arrays.values():

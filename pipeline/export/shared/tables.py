@@ -1,8 +1,8 @@
 """Parquet files being written, and the origin of each episode."""
 
 import json
-from collections.abc import Collection
-from contextlib import suppress
+from collections.abc import Collection, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -10,14 +10,16 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from pipeline.data.actions import JOINTS
+from pipeline.data.episode.file import EpisodeFile
 from pipeline.data.names import SIDES
 from pipeline.data.setup.rules import rules_of
 from pipeline.data.slots.select import VALIDATION, split_of
 from pipeline.motion.recorded import conditions_of
 
 from .derived import interception
-from .draft import ExportDraft
-from .episodes import Facts, same
+from .draft import ExportDraft, Job
+from .episodes import Facts, read_facts, reading, same
 from .script import rows_of
 
 
@@ -37,28 +39,6 @@ class TableWriter(pq.ParquetWriter):
             with suppress(OSError):
                 self.close()
             raise
-
-
-class RowWriter:
-    def __init__(self, path: Path, schema: pa.Schema, group: int) -> None:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        self._rows, self._group = list[dict[str, Any]](), group
-        self._writer = TableWriter(path, schema, compression="zstd")
-
-    def add(self, *rows: dict[str, Any]) -> None:
-        self._rows += rows
-        if len(self._rows) >= self._group:
-            self._flush()
-
-    def _flush(self) -> None:
-        if self._rows:
-            self._writer.write_table(pa.Table.from_pylist(self._rows, schema=self._writer.schema))
-            self._rows.clear()
-
-    def close(self) -> None:
-        if self._writer.is_open:
-            self._flush()
-            self._writer.close()
 
 
 def scalars(
@@ -133,10 +113,10 @@ SCALAR_TYPES = {
     **dict.fromkeys(_NUMBERS, pa.float64()),
 }
 
-PROVENANCE = "episodes.parquet"
+PROVENANCE, GROUP = "episodes.parquet", 100
 
 
-class Provenance(RowWriter):
+class Provenance:
     def __init__(self, path: Path, draft: ExportDraft) -> None:
         self.optional = draft.optional
         without = {*OPTIONAL} - self.optional
@@ -148,25 +128,49 @@ class Provenance(RowWriter):
             **{"instructions_unseen": texts},
             **dict.fromkeys(("motion", "objects", "events"), pa.string()),
         }
-        super().__init__(path, pa.schema(schema), 100)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        self._writer = TableWriter(path, pa.schema(schema), compression="zstd")
         self.validation = draft.validation
         self.count = self.frames = 0
-        self._firsts = dict[str, Facts]()
+        self._firsts, self._rows = dict[str, Facts](), list[dict[str, Any]]()
+
+    @contextmanager
+    def noting(self, job: Job[Any], path: Path) -> Iterator[tuple[EpisodeFile, Facts]]:
+        """An episode, open, and its facts, which are appended. Raises as `reading`."""
+        representation = getattr(job.options, "representation", JOINTS)
+        with reading(path) as file:
+            facts = read_facts(file, job.dataset, representation=representation)
+            self.append(facts)
+            yield file, facts
+        job.advance()
 
     def append(self, facts: Facts) -> None:
         same(self._firsts.setdefault(facts.spec.embodiment, facts), facts)
         objects = {name: info.model_dump() for name, info in facts.meta.objects.items()}
-        row = {
-            "episode_index": self.count,
-            "length": facts.kept,
-            **scalars(facts, self.optional, self.validation),
-            "instruction": facts.instruction,
-            "instructions_seen": facts.seen,
-            "instructions_unseen": facts.unseen,
-            "motion": facts.motion,
-            "objects": json.dumps(objects, sort_keys=True),
-            "events": json.dumps([[e.name, e.time] for e in facts.log.events]),
-        }
-        self.add(row)
+        self._rows.append(
+            {
+                "episode_index": self.count,
+                "length": facts.kept,
+                **scalars(facts, self.optional, self.validation),
+                "instruction": facts.instruction,
+                "instructions_seen": facts.seen,
+                "instructions_unseen": facts.unseen,
+                "motion": facts.motion,
+                "objects": json.dumps(objects, sort_keys=True),
+                "events": json.dumps([[e.name, e.time] for e in facts.log.events]),
+            }
+        )
         self.count += 1
         self.frames += len(facts)
+        if len(self._rows) == GROUP:
+            self._flush()
+
+    def _flush(self) -> None:
+        if self._rows:
+            self._writer.write_table(pa.Table.from_pylist(self._rows, schema=self._writer.schema))
+            self._rows.clear()
+
+    def close(self) -> None:
+        if self._writer.is_open:
+            self._flush()
+            self._writer.close()
