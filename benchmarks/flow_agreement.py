@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from pipeline.annotate.networks.features import area_weights
-from pipeline.annotate.networks.masks import unpack
 from pipeline.annotate.store import find_stage
 from pipeline.data.episode.file import open_episode
 from pipeline.data.slots.annotations import CorruptAnnotation, Entry, annotation_path, read_entry
@@ -64,10 +63,7 @@ def flow_agreement(
 
 def _flow_rows(measured: Entry, exact: Entry, masks: Entry, free: int) -> list[list[float]]:
     a, b = (x.arrays["flow"].astype(float) for x in (measured, exact))
-    about = masks.attributes
-    mask = unpack(
-        masks.arrays["mask"][:, about["roles"]["target"]], about["height"], about["width"]
-    )
+    mask = masks.masks(np.s_[:, masks.attributes["roles"]["target"]])
     target = area_weights(mask, (a.shape[1], a.shape[2])) > 0.5
     rows = []
     for t, before in enumerate(exact.arrays["previous"][:free]):

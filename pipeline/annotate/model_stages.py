@@ -21,7 +21,6 @@ from .networks.masks import (
     load_segmenter,
     model_masks,
     pack,
-    unpack,
 )
 from .networks.models import ModelFiles, pick_device, resolve
 from .options import FeatureOptions, MaskOptions
@@ -202,8 +201,7 @@ class FeatureStage:
 
         def decode() -> Any:
             entry = read_entry(path)
-            size = entry.attributes["height"], entry.attributes["width"]
-            return decode_frames(frames), unpack(entry.arrays["mask"], *size), entry.attributes
+            return decode_frames(frames), entry.masks(), entry.attributes
 
         return Reading(frames_inputs(frames) | {"masks": checksum}, decode)
 

@@ -12,7 +12,6 @@ from pipeline.data.names import HEAD
 from pipeline.data.slots.annotations import Entry, annotation_path, read_entry, stages_of
 
 from .flow import Colour, colour_flow
-from .networks.masks import unpack
 
 WIDTH = 200  # pixels of a frame
 COLOURS = ((255, 196, 0), (0, 200, 255), (255, 64, 160), (120, 255, 80))
@@ -46,10 +45,10 @@ def annotation_sheet(
     size = (WIDTH, round(WIDTH * images[0].shape[0] / images[0].shape[1]))
     rows = list[NDArray[np.uint8]]()
     for source, entry in entries["masks"]:
-        a = entry.attributes
-        masks = unpack(entry.arrays["mask"][chosen], a["height"], a["width"])
-        shown = [mask_overlay(p, m) for p, m in zip(images, masks, strict=True)]
-        rows.append(_row(f"masks: {source} ({', '.join(a['objects'])})", shown, size))
+        shown = [mask_overlay(p, m) for p, m in zip(images, entry.masks(chosen), strict=True)]
+        rows.append(
+            _row(f"masks: {source} ({', '.join(entry.attributes['objects'])})", shown, size)
+        )
     rows = rows or [_row("frames", images, size)]
     for source, entry in sorted(entries["flow"], key=lambda x: x[0]):
         rgb, scale = colour_flow(entry.arrays["flow"][chosen], Colour("shared"))

@@ -15,6 +15,7 @@ from pipeline.data.episode.frames import decode_frame
 from pipeline.data.episode.world import WorldTruth
 from pipeline.data.errors import DominoError
 from pipeline.data.keys import arrays_digest, canonical, frames_digest
+from pipeline.data.slots.annotations import scene_input
 from pipeline.poses import Floats
 
 MOST_STRIDE = 600
@@ -152,9 +153,7 @@ def sim_reading(
     group, bodies, sensors = f"observation/{camera}", list(log.bodies), drawing.sensors
     poses, k = episode.array(f"{group}/pose"), episode.array(f"{group}/intrinsic_cv")[0]
     names = ["actor_segmentation", *(["depth"] if depth else [])]
-    state = arrays_digest({"poses": log.poses, "camera": poses, "k": k})
-    scene = {"bodies": log.bodies, "state": state}
-    scene |= {"latency": sensors.latency} if sensors and sensors.latency else {}
+    scene = scene_input(episode, log, camera)
     noisy = depth and sensors is not None and sensors.depth_noise is not None
     try:
         stored = {} if noisy else {key: episode.array(f"{group}/{key}") for key in names}

@@ -10,7 +10,7 @@ import pytest
 import torch
 
 from benchmarks.flow_agreement import flow_agreement
-from pipeline.annotate.networks.masks import pack, unpack
+from pipeline.annotate.networks.masks import pack
 from pipeline.annotate.options import AnnotateOptions, FeatureOptions, MaskOptions
 from pipeline.annotate.overlays import annotation_sheet, mask_overlay
 from pipeline.annotate.stage import AnnotateError
@@ -101,7 +101,7 @@ def test_model_masks_and_features_then_nothing(dataset: Path, options: AnnotateO
         "area": (5, 2),
         "valid": (5, 2),
     }
-    mask = unpack(masks.arrays["mask"], 240, 320)
+    mask = masks.masks()
     np.testing.assert_array_equal(mask.sum((2, 3)), masks.arrays["area"])
     np.testing.assert_array_equal(masks.arrays["valid"], mask.any((2, 3)))
     assert (

@@ -31,11 +31,11 @@ from pipeline.annotate.networks.masks import (
     pack,
     segment,
     tight_boxes,
-    unpack,
 )
 from pipeline.annotate.networks.models import image_settings, pixels, resolve
 from pipeline.annotate.options import MaskOptions
 from pipeline.annotate.stage import AnnotateError
+from pipeline.data.slots.annotations import Entry
 from tests.annotate import tiny
 
 
@@ -212,8 +212,8 @@ def test_a_mask_of_nearly_everything_is_refused(
 @settings(max_examples=25, deadline=None)
 @given(arrays(bool, st.tuples(*[st.integers(1, n) for n in (3, 2, 9, 13)])))
 def test_packing_and_tight_boxes(mask: np.ndarray):
-    height, width = mask.shape[2:]
-    np.testing.assert_array_equal(unpack(pack(mask), height, width), mask)
+    size = dict(zip(("height", "width"), mask.shape[2:], strict=True))
+    np.testing.assert_array_equal(Entry("", {"mask": pack(mask)}, size, "").masks(), mask)
     boxes = tight_boxes(mask)
     for t, k in np.ndindex(*mask.shape[:2]):
         ys, xs = np.nonzero(mask[t, k])

@@ -195,8 +195,3 @@ def tight_boxes(mask: NDArray[np.bool_]) -> NDArray[np.float32]:
 def pack(mask: NDArray[np.bool_]) -> NDArray[np.uint8]:
     """Masks (T,K,H,W) -> bits (T,K,ceil(H W / 8)) uint8."""
     return np.packbits(mask.reshape(*mask.shape[:2], -1), axis=-1)
-
-
-def unpack(packed: NDArray[np.uint8], height: int, width: int) -> NDArray[np.bool_]:
-    bits = np.unpackbits(packed, axis=-1, count=height * width)
-    return bits.reshape(*packed.shape[:-1], height, width).astype(bool)

@@ -13,8 +13,9 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.data.episode.file import INFLATION
+from pipeline.data.episode.file import INFLATION, EpisodeFile
 from pipeline.data.episode.hdf5 import check_dataset, open_hdf5
+from pipeline.data.episode.state_log import StateLog
 from pipeline.data.keys import arrays_digest, canonical
 from pipeline.data.parsing import parse_json
 from pipeline.data.reading import read_regular
@@ -33,12 +34,27 @@ class Entry:
     attributes: Mapping[str, Any]
     checksum: str
 
+    def masks(self, at: Any = ...) -> NDArray[np.bool_]:
+        """Masks (...,H,W) that are stored as bits: (T,K,...), or those `at` an index."""
+        height, width = self.attributes["height"], self.attributes["width"]
+        bits = np.unpackbits(self.arrays["mask"][at], axis=-1, count=height * width)
+        return bits.reshape(*bits.shape[:-1], height, width).astype(bool)
+
 
 def annotation_path(dataset: Path, directory: str, episode: Path) -> Path:
     """An episode's file in a directory such as "flow@0a1b2c3d". Raises ValueError."""
     if "/" in directory or directory.startswith("."):
         raise ValueError(f"{directory[:80]!r} is no directory of annotations")
     return Path(dataset) / "annotations" / directory / episode.with_suffix(".h5")
+
+
+def scene_input(episode: EpisodeFile, log: StateLog, camera: str) -> dict[str, Any]:
+    """The physics that images of a camera show, and how late, as an input of annotations."""
+    camera, sensors = f"observation/{camera}", episode.meta.drawing.sensors
+    k = episode.array(f"{camera}/intrinsic_cv")[0]
+    state = {"poses": log.poses, "camera": episode.array(f"{camera}/pose"), "k": k}
+    late = {"latency": sensors.latency} if sensors and sensors.latency else {}
+    return {"bodies": list(log.bodies), "state": arrays_digest(state), **late}
 
 
 def checksum(arrays: Mapping[str, NDArray[Any]], attributes: Mapping[str, Any]) -> str:

@@ -19,6 +19,7 @@ from pipeline.data.slots.annotations import (
     Entry,
     annotation_path,
     read_entry,
+    scene_input,
     stages_of,
 )
 
@@ -119,9 +120,8 @@ def _flow(entry: Entry) -> list[Any]:
 def _masks(entry: Entry) -> list[Any]:
     a, size = entry.arrays, {key: entry.attributes[key] for key in ("height", "width")}
     rows = list[list[dict[str, Any]]]()
-    for t, packed in enumerate(a["mask"]):
-        bits = np.unpackbits(packed, axis=-1, count=size["height"] * size["width"]).astype(bool)
-        counts = [{"counts": run_lengths(flat.reshape(*size.values()))} for flat in bits]
+    for t in range(len(a["mask"])):
+        counts = [{"counts": run_lengths(mask)} for mask in entry.masks(t)]
         numbers = _objects(entry, t, ("box", "score", "area", "valid"))
         pairs = zip(numbers, counts, strict=True)
         rows.append([{**number, **size, **count} for number, count in pairs])
@@ -165,13 +165,8 @@ def stale(
 def _inputs(
     stage: Mapping[str, Any], file: EpisodeFile, facts: Facts, dataset: Path
 ) -> Iterator[tuple[str, Callable[[], Any]]]:
-    camera, log = str(stage["parameters"]["camera"]), facts.log
+    camera = str(stage["parameters"]["camera"])
     there, group = camera in facts.cameras, f"observation/{camera}"
-
-    def scene() -> Any:
-        k = file.array(f"{group}/intrinsic_cv")[0]
-        state = {"poses": log.poses, "camera": facts.camera_poses[camera], "k": k}
-        return {"bodies": list(log.bodies), "state": arrays_digest(state)}
 
     def stored() -> Any:
         with suppress(EpisodeError):
@@ -185,7 +180,7 @@ def _inputs(
             return read_entry(annotation_path(dataset, directory, relative)).checksum
 
     yield "frames", lambda: there and frames_digest(file.array(f"{group}/rgb").tolist())
-    yield "scene", lambda: there and scene()
+    yield "scene", lambda: there and scene_input(file, facts.log, camera)
     yield "assets", lambda: dict(facts.meta.drawing.assets)
     yield "stored", stored
     yield "masks", masks

@@ -147,13 +147,11 @@ def _annotations(camera: str, dataset: Path, path: Path) -> tuple[list[Any], Pix
 
 
 def _outlines(entry: Entry) -> list[Any]:
-    height, width = entry.attributes["height"], entry.attributes["width"]
     frames = []
-    for packed in entry.arrays["mask"]:
-        bits = np.unpackbits(packed, axis=-1, count=height * width).reshape(-1, height, width)
+    for t in range(len(entry.arrays["mask"])):
         lines = [
             line
-            for mask in bits
+            for mask in entry.masks(t).view(np.uint8)
             for line in cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)[0]
         ]
         frames.append([line[:, 0].tolist() for line in lines if len(line) > 2])

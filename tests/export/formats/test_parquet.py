@@ -15,6 +15,7 @@ from pipeline.annotate.stage import encoded_frames, frames_inputs, sim_reading
 from pipeline.annotate.store import write_entry, write_stage
 from pipeline.data.cameras import project
 from pipeline.data.episode.file import open_episode
+from pipeline.data.imperfections import Sensors
 from pipeline.data.slots.annotations import Entry, annotation_path
 from pipeline.export import ExportError
 from pipeline.export.shared.annotations import stale
@@ -288,8 +289,11 @@ def test_annotations_of_the_simulators_truth_are_compared_with_the_state_log_and
 ):
     path = make_episode(episode_path(tmp_path), frames=3, segmentation=True, depth=True)
     with open_episode(path) as e:
+        late = e.meta.drawing.model_copy(update={"sensors": Sensors(latency=1)})
+        e.meta = e.meta.model_copy(update={"drawing": late})
         facts = read_facts(e, tmp_path)
         inputs = json.loads(json.dumps(sim_reading(e, "head_camera", True, None)[0]))
+        assert inputs["scene"]["latency"] == 1
         stage = {"stage": "flow", "parameters": {"camera": "head_camera"}}
         assert stale(Entry("", {}, {"inputs": inputs}, ""), stage, e, facts, tmp_path) is None
         moved = inputs | {"scene": inputs["scene"] | {"state": "another"}}
