@@ -22,7 +22,7 @@ from .asking import PROMPT, introduce
 from .bundle import RecordedResult, actions_file, hash_rows, hash_scenes, note_result, run_recorded
 from .episode import EpisodeJob, play, start_of
 from .names import is_built_in
-from .policies.policy import PolicyError, PolicyName, Start
+from .policies.policy import PolicyError, PolicyName
 from .scenes.benchmark import Benchmark
 from .scenes.benchmark_rows import RecordedBenchmark
 from .scenes.case import BLIND, BenchmarkError, Case, in_every_arm
@@ -209,11 +209,7 @@ def _introduced(evaluation: Evaluation, run: Runner, tell: Callable[[str], None]
     if not starts or is_built_in(evaluation.policy):
         return introduce(*job)
     tell("loading the policy")
-    return next(iter(run(introduce_policy, [job])))[1]
-
-
-def introduce_policy(job: tuple[PolicyName, Sequence[Start], float]) -> PolicyName:
-    return introduce(*job)
+    return next(iter(run(lambda given: introduce(*given), [job])))[1]
 
 
 @dataclass(frozen=True)
