@@ -5,7 +5,6 @@ import json
 import os
 import shutil
 import signal
-import time
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
@@ -23,14 +22,11 @@ from pipeline.stages.failure import Failure
 from tests.full_disk import longest_file
 from tests.recording import record_all
 from tests.run.command import (
-    PATIENCE,
     WANTED,
     contents,
     inside,
     slots,
-    start,
     temporaries,
-    wait_for_a_slot,
 )
 
 pytestmark = pytest.mark.usefixtures("without_report")
@@ -185,22 +181,13 @@ def test_episodes_with_other_bytes_are_neither_exported_nor_annotated(mine, verb
 # ------------------------------------------------------------------------------------------
 
 
-def test_a_killed_and_an_interrupted_build_go_on_to_the_same_bytes(built, tmp_path, monkeypatch):
+def test_an_interrupted_build_goes_on_to_the_same_bytes(built, tmp_path, monkeypatch):
+    """A killed one: test_chaos.py, test_on_a_store.py."""
     out = tmp_path / "out"
     wanted = ("build", *WANTED, "--out", out, "--quiet", "--executor", "inline")
-    process = start(*wanted)
-    wait_for_a_slot(out, process)
-    time.sleep(0.3)
-    process.send_signal(signal.SIGKILL)
-    process.communicate(timeout=PATIENCE)
-    assert process.returncode == -signal.SIGKILL
-    assert len(slots(out)) == 1
-
-    attempts = []
 
     def interrupted(*arguments):
-        attempts.append(arguments)
-        if len(slots(out)) == 2:
+        if len(slots(out)) == 1:
             signal.raise_signal(signal.SIGINT)
         return attempt(*arguments)
 
@@ -209,9 +196,9 @@ def test_a_killed_and_an_interrupted_build_go_on_to_the_same_bytes(built, tmp_pa
         code, _, err = inside(*wanted)
     assert code == 130
     assert err.count("\n") == 1 and "rerun the same command to resume" in err
-    assert len(slots(out)) == 2
+    assert len(slots(out)) == 1
     code, told, err = inside(*wanted, "--json")
-    assert (code, err, json.loads(told)["made"]) == (0, "", 1)
+    assert (code, err, json.loads(told)["made"]) == (0, "", 2)
     assert contents(out) == contents(built)
     assert not temporaries(out)
 

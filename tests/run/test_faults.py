@@ -140,6 +140,7 @@ def test_what_a_killed_worker_left_half_written_of_a_slot_is_removed(tmp_path, m
 # ------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_a_build_outlives_killed_workers_with_the_same_bytes(built, tmp_path):
     out = tmp_path / "out"
     options = ("--quiet", "--json", "--executor", "ray", "--workers", 2)
