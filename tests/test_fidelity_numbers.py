@@ -170,6 +170,22 @@ def test_two_surfaces_rub_with_the_mean_of_their_frictions(stated, family, speed
     assert slowed == pytest.approx(G * (stated[0] + own) / 2, rel=0.01)
 
 
+@reads("distance from a shape within which contacts")
+def test_contacts_are_looked_for_as_near_as_stated(stated):
+    """Those of all shapes but the floor."""
+    scene = scene_of(
+        "aloha-agilex", body("target", "can", -0.5, 0.3), body("block", "block", 0.3, 0.2)
+    )
+    offsets = {
+        round(shape.contact_offset, 9)
+        for entity in scene._scene.entities
+        if entity.name != "floor"
+        for component in entity.components
+        for shape in getattr(component, "collision_shapes", ())
+    }
+    assert offsets == set(stated)
+
+
 @reads("friction of bodies")
 def test_bodies_have_the_friction_of_their_shapes_and_do_not_bounce(stated):
     drawn = {name: family.draw(np.random.default_rng(0)) for name, family in FAMILIES.items()}
