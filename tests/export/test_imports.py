@@ -3,8 +3,6 @@
 import subprocess
 import sys
 
-from tests.run.command import build
-
 MODULES = 120
 FORBIDDEN = ("stages", "tasks", "expert", "planning", "world", "evaluate", "intake")
 SCRIPT = """
@@ -18,26 +16,17 @@ print(*(name for name in sys.modules if name.partition(".")[0] in ("pipeline", "
 """
 
 
-def test_an_export_loads_no_simulator(tmp_path):
-    build(
-        tmp_path / "out",
-        "--tasks",
-        "click_bell",
-        "--levels",
-        "1",
-        "--episodes",
-        "1",
-        "--executor",
-        "inline",
-    )
+def test_an_export_loads_no_simulator(built, tmp_path):
     command = [
         sys.executable,
         "-c",
         SCRIPT,
         "export",
-        str(tmp_path / "out"),
+        str(built),
         "--format",
         "parquet",
+        "--out",
+        str(tmp_path / "out"),
         "--quiet",
     ]
     done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=300)
