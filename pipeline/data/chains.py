@@ -12,9 +12,10 @@ from xml.etree import ElementTree
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pipeline.poses import Floats, Pose, compose, frame, pose, quat_from_rpy
+from pipeline.poses import Floats, Pose, compose, frame, pose
 
 from .errors import DominoError
+from .joints import Joint, joint_motion, joints_to, read_joint
 from .names import NONE, SIDES, is_embodiment
 
 ROBOTS = Path(__file__).parents[1] / "assets" / "robots"  # of this package
@@ -26,29 +27,27 @@ class ChainError(DominoError):
 
 @dataclass(frozen=True, eq=False)
 class ToolChain:
-    """The joints from an arm's root link to its tool frame, m and rad: `base` (7,) in the world,
-    `origins` (n,7) before each joint, `tool` (7,) last.
+    """The joints from an arm's root link, at `base` (7,) in the world, to its hand, and the tool
+    frame (7,) in the hand.
     """
 
     base: Pose
-    joints: tuple[str, ...]
-    origins: Floats
-    axes: Floats
-    prismatic: tuple[bool, ...]
+    path: list[Joint]
     tool: Pose
 
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """The joints that move, by name."""
+        return tuple(joint.name for joint in self.path if joint.kind != "fixed")
+
     def poses(self, q: ArrayLike) -> Floats:
-        """World poses (T,7) of the tool for joints (T,n)."""
+        """World poses (T,7) of the tool for joints (T,n), rad or m."""
         q = np.asarray(q, float)
-        out = np.broadcast_to(self.base, (len(q), 7))
-        for i, slides in enumerate(self.prismatic):
-            motion = np.zeros((len(q), 7))
-            if slides:
-                motion[:, :3], motion[:, 3] = q[:, i : i + 1] * self.axes[i], 1.0
-            else:
-                half = q[:, i : i + 1] / 2
-                motion[:, 3:4], motion[:, 4:] = np.cos(half), np.sin(half) * self.axes[i]
-            out = compose(compose(out, self.origins[i]), motion)
+        positions, out = iter(q.T), np.broadcast_to(self.base, (len(q), 7))
+        for joint in self.path:
+            out = compose(out, joint.origin)
+            if joint.kind != "fixed":
+                out = compose(out, joint_motion(joint, next(positions)))
         return compose(out, self.tool)
 
 
@@ -85,57 +84,19 @@ def _directory(name: str, folders: Sequence[Path]) -> Path:
 def _read(directory: Path, side: str, layout: str) -> ToolChain:
     try:
         settings = tomllib.loads((directory / "robot.toml").read_text())
-        above = {
-            joint.find("child").attrib["link"]: joint  # pyright: ignore[reportOptionalMemberAccess]
-            for joint in ElementTree.parse(os.fspath(directory / "robot.urdf")).iterfind("joint")
-        }
-        return _chain(settings, above, side, layout)
+        urdf = ElementTree.parse(os.fspath(directory / "robot.urdf"))
+        path = joints_to(settings["hand"], map(read_joint, urdf.iterfind("joint")))
+        return _chain(settings, path, side, layout)
     except (OSError, ValueError, KeyError, AttributeError, ElementTree.ParseError) as error:
         raise ChainError(f"{directory}: cannot be read as a robot: {error}") from error
 
 
-def _chain(
-    settings: dict[str, Any], above: dict[str, ElementTree.Element], side: str, layout: str
-) -> ToolChain:
-    path, link = list[ElementTree.Element](), settings["hand"]
-    while link in above and len(path) < len(above):
-        path.append(above[link])
-        link = path[-1].find("parent").attrib["link"]  # pyright: ignore[reportOptionalMemberAccess]
-    origins, axes, prismatic, names, carried = [], [], [], [], pose()
-    for joint in reversed(path):
-        carried = compose(carried, _origin(joint))
-        if joint.attrib["type"] == "fixed":
-            continue
-        axis = _numbers(joint.find("axis"), "xyz", (1.0, 0.0, 0.0))
-        origins.append(carried)
-        axes.append(axis / np.linalg.norm(axis))
-        prismatic.append(joint.attrib["type"] == "prismatic")
-        names.append(joint.attrib["name"])
-        carried = pose()
+def _chain(settings: dict[str, Any], path: list[Joint], side: str, layout: str) -> ToolChain:
     tcp, place = settings["tcp"], settings["place"][side]
     approach = tcp["approach"]
     opening = np.cross(np.cross(approach, tcp["opening"]), approach)
     position = place["position"]
     if layout == "original":
         position = settings.get("original", {}).get(side, position)
-    return ToolChain(
-        np.array([*position, *place["quaternion"]], float),
-        tuple(names),
-        np.stack(origins),
-        np.stack(axes),
-        tuple(prismatic),
-        compose(carried, frame(tcp["position"], approach, opening)),
-    )
-
-
-def _origin(joint: ElementTree.Element) -> Pose:
-    origin = joint.find("origin")
-    roll, pitch, yaw = _numbers(origin, "rpy", (0.0, 0.0, 0.0)).tolist()
-    return pose(_numbers(origin, "xyz", (0.0, 0.0, 0.0)), quat_from_rpy(roll, pitch, yaw))
-
-
-def _numbers(
-    element: ElementTree.Element | None, key: str, default: tuple[float, float, float]
-) -> Floats:
-    text = None if element is None else element.get(key)
-    return np.array(default if text is None else [float(word) for word in text.split()])
+    base = np.array([*position, *place["quaternion"]], float)
+    return ToolChain(base, path, frame(tcp["position"], approach, opening))

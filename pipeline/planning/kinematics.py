@@ -6,8 +6,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pipeline.data.joints import joints_to
 from pipeline.poses import Floats, Pose, matrix
-from pipeline.world.robots.contract import Arm, Joint
+from pipeline.world.robots.contract import Arm
 
 from . import ik_kernels
 from .budgets import IK, LINE, IkBudget
@@ -38,13 +39,7 @@ class Chain:
 def chain_of(arm: Arm) -> Chain:
     """Chain from the world to `arm.tcp`. Raises ValueError when the joints between root link and
     hand are not exactly `arm.arm_joints` and fixed ones."""
-    by_child = {joint.child: joint for joint in arm.joints}
-    path: list[Joint] = []
-    link = arm.hand
-    while link in by_child:
-        path.append(by_child[link])
-        link = by_child[link].parent
-    path.reverse()
+    path = joints_to(arm.hand, arm.joints)
     moving = [joint for joint in path if joint.kind != "fixed"]
     if tuple(joint.name for joint in moving) != arm.arm_joints:
         names = [joint.name for joint in moving]

@@ -12,7 +12,7 @@ from pipeline.intake.robots.write import mesh_file
 from pipeline.world.files import write_glb
 from pipeline.world.robots import MODELS
 from pipeline.world.robots.contract import Arm
-from pipeline.world.robots.stands import HEAD_CAMERA
+from pipeline.world.robots.directory import HEAD_CAMERA
 from pipeline.world.shapes import Material, Parts
 from scripts.robot_looks.arx_look import ColorScheme, arx_visuals
 from scripts.robot_looks.franka_look import panda_visuals

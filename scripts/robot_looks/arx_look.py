@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline.poses import Pose, pose
-from pipeline.world.robots.stands import Triple
+from pipeline.world.robots.directory import Triple
 from pipeline.world.shapes import Material, Mesh
 from scripts.robot_looks.kit import (
     BLACK,

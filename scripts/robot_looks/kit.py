@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 
 from pipeline.poses import Pose, pose, quat_from_matrix, transform
 from pipeline.world.objects import geometry
-from pipeline.world.robots.stands import CHARCOAL, GREY, SILVER, block, painted
+from pipeline.world.robots.pairs import CHARCOAL, GREY, SILVER, block, painted
 from pipeline.world.shapes import Material, Mesh, Parts
 
 BLACK = Material((0.075, 0.078, 0.085), roughness=0.45)

@@ -4,10 +4,11 @@ with fixed joints between."""
 import numpy as np
 import pinocchio as pin  # pyright: ignore[reportMissingImports]
 
+from pipeline.data.joints import Joint
 from pipeline.planning.budgets import IK, IkBudget
 from pipeline.planning.kinematics import Chain, ik_many
 from pipeline.poses import IDENTITY, Pose, pose, quat_about, quat_from_rpy
-from pipeline.world.robots.contract import Arm, Gripper, Joint, Link, Mount
+from pipeline.world.robots.contract import Arm, Gripper, Link, Mount
 from pipeline.world.shapes import Collider
 
 HALF = float(np.pi / 2)

@@ -8,13 +8,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from pipeline.data.joints import Joint
 from pipeline.data.names import NONE, is_name
 from pipeline.data.process.limited import run_limited
 from pipeline.poses import compose, frame, pose, quat_rotate
-from pipeline.world.robots.contract import Arm, Gripper, Joint, Link, Mount, RobotError, arm_poses
-from pipeline.world.robots.directory import TOML
+from pipeline.world.robots.contract import Arm, Gripper, Link, Mount, RobotError, arm_poses
+from pipeline.world.robots.directory import TOML, wrist_camera
 from pipeline.world.robots.pairs import ALIASES, MODELS
-from pipeline.world.robots.stands import wrist_camera
 from pipeline.world.robots.surfaces import load_visual
 from pipeline.world.robots.urdf_file import Mimic, UrdfError, UrdfRobot, read_urdf
 

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pipeline.data.joints import FREE, Joint
 from pipeline.poses import Floats, Pose, transform
-from pipeline.world.robots.contract import Joint
 from pipeline.world.robots.surfaces import surface
-from pipeline.world.robots.urdf_file import FREE, UrdfRobot, UrdfShape
+from pipeline.world.robots.urdf_file import UrdfRobot, UrdfShape
 
 TIP = 0.02  # m: the part of a finger, from its end on, that is looked at for a pad
 BEHIND_TIP = 0.018  # m: the tool frame's distance from the end of the fingers

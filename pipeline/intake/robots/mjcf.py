@@ -10,10 +10,10 @@ import numpy as np
 import trimesh
 
 from pipeline.data.errors import DominoError
+from pipeline.data.joints import Joint, joint_motion
 from pipeline.poses import Floats, Pose, compose, pose, quat_to_matrix
 from pipeline.world.meshes.files import folders_of, read_bytes
 from pipeline.world.meshes.part import MeshError
-from pipeline.world.robots.contract import Joint, joint_motion
 from pipeline.world.robots.urdf_file import (
     Mimic,
     UrdfError,

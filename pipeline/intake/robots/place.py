@@ -17,7 +17,7 @@ from pipeline.planning.kinematics import Chain, chain_of, fk_batch, ik_many, lim
 from pipeline.poses import Floats, compose, frame, pose, quat_about, quat_rotate, transform
 from pipeline.world.physics.body import TABLE_TOP
 from pipeline.world.robots.contract import Arm, Embodiment, arm_poses
-from pipeline.world.robots.stands import HEAD_CAMERA
+from pipeline.world.robots.directory import HEAD_CAMERA
 
 IK = IkBudget(restarts=12, iterations=25, give_up_after=None)
 HOME_IK = IkBudget(restarts=24, iterations=40, give_up_after=None)

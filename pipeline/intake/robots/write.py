@@ -11,10 +11,11 @@ import trimesh
 from numpy.typing import ArrayLike
 
 from pipeline.data.atomic import write_atomic
+from pipeline.data.joints import LIMITS, Joint
 from pipeline.data.names import SIDES
 from pipeline.poses import Pose, compose, pose, quat_to_matrix
 from pipeline.world.files import write_glb
-from pipeline.world.robots.contract import Arm, Embodiment, Joint, Link
+from pipeline.world.robots.contract import Arm, Embodiment, Link
 from pipeline.world.robots.directory import TOML, URDF
 from pipeline.world.shapes import Collider
 
@@ -154,8 +155,7 @@ def _add_joint(robot: ET.Element, joint: Joint, prefix: str) -> None:
     ET.SubElement(e, "child", link=prefix + joint.child)
     if joint.kind != "fixed":
         ET.SubElement(e, "axis", xyz=_row(joint.axis))
-        names = ("lower", "upper", "velocity", "effort")
-        ET.SubElement(e, "limit", {name: _number(getattr(joint, name)) for name in names})
+        ET.SubElement(e, "limit", {name: _number(getattr(joint, name)) for name in LIMITS})
 
 
 def _origin(parent: ET.Element, p: Pose) -> None:

@@ -22,7 +22,7 @@ LANGUAGE = ("tasks/language", "world/objects/words.py")
 OF_DRAWING = ("stages/drawing", "world/drawing", "world/looks")
 CORE = (
     *("stages", "tasks", "expert", "planning", "motion", "world", "poses.py"),
-    *("data/cameras.py", "data/clock.py", "data/setup/rules.py", "data/spec.py"),
+    *("data/cameras.py", "data/clock.py", "data/joints.py", "data/setup/rules.py", "data/spec.py"),
     *("data/episode/events.py", "data/episode/state_log.py"),
 )
 NOT_CORE = (*REGISTERED, *LANGUAGE, *OF_DRAWING)

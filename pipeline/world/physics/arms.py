@@ -13,12 +13,12 @@ from sapien.physx import (
     PhysxMaterial,
 )
 
+from pipeline.data.joints import Joint
 from pipeline.data.names import SIDES
-from pipeline.poses import Floats, Pose, compose, matrix, pose
+from pipeline.poses import Floats, Pose, matrix, pose
 from pipeline.world.robots.contract import (
     Arm,
     Gripper,
-    Joint,
     Link,
     coupled_value,
     jaw_positions,
@@ -90,12 +90,9 @@ def _add_shapes(builder: "sapien.LinkBuilder", link: Link) -> None:
             builder.add_box_collision(at, piece.size, material(), _DENSITY)
         elif piece.kind == "sphere":
             builder.add_sphere_collision(at, piece.size[0], material(), _DENSITY)
-        elif piece.kind in ("cylinder", "capsule"):
-            radius, half = piece.size
-            builder.add_cylinder_collision(at * _CYLINDER_TO_Z, radius, half, material(), _DENSITY)
-            for z in (-half, half) if piece.kind == "capsule" else ():
-                end = _at(compose(piece.pose, pose((0, 0, z))))
-                builder.add_sphere_collision(end, radius, material(), _DENSITY)
+        elif piece.kind == "cylinder":
+            size = *piece.size, material(), _DENSITY
+            builder.add_cylinder_collision(at * _CYLINDER_TO_Z, *size)
 
 
 def _set_joint(builder: "sapien.LinkBuilder", joint: Joint | None) -> None:

@@ -9,25 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pipeline.data.errors import DominoError
+from pipeline.data.joints import Joint, joint_motion
 from pipeline.poses import Pose, compose
 from pipeline.world.shapes import Collider, Parts
-
-
-@dataclass(frozen=True, eq=False)
-class Joint:
-    """A URDF joint: `origin` is the child frame in the parent at zero, `axis` in the child; rad or
-    m, N m or N."""
-
-    name: str
-    kind: str  # revolute | prismatic | fixed
-    parent: str
-    child: str
-    origin: Pose
-    axis: tuple[float, float, float] = (0.0, 0.0, 1.0)
-    lower: float = 0.0
-    upper: float = 0.0
-    velocity: float = 0.0
-    effort: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,20 +118,6 @@ def coupled_value(gripper: Gripper, positions: np.ndarray, value: float) -> floa
         return value
     now = jaw_value(gripper, positions)
     return min(max(value, now - LEAD), now + LEAD)
-
-
-def joint_motion(joint: Joint, position: ArrayLike) -> Pose:
-    """Poses (..., 7) of the moved child frame in the unmoved one."""
-    position = np.asarray(position, float)
-    axis = np.asarray(joint.axis, float)
-    moved = np.zeros((*position.shape, 7))
-    moved[..., 3] = 1.0
-    if joint.kind == "revolute":
-        moved[..., 3] = np.cos(position / 2)
-        moved[..., 4:] = np.sin(position / 2)[..., None] * axis / np.linalg.norm(axis)
-    elif joint.kind == "prismatic":
-        moved[..., :3] = position[..., None] * axis
-    return moved
 
 
 def link_poses(arm: Arm, positions: Mapping[str, ArrayLike]) -> dict[str, Pose]:

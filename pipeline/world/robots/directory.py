@@ -6,17 +6,25 @@ from pathlib import Path
 from typing import Annotated
 
 import numpy as np
+from numpy.typing import ArrayLike
 from pydantic import Field
 
-from pipeline.poses import frame
+from pipeline.data.joints import joints_to
+from pipeline.poses import Pose, compose, frame, pose, quat_from_rpy
 from pipeline.world.files import GlbError, Table, read_glb, read_toml
 from pipeline.world.shapes import Collider, Parts
 
-from .contract import Arm, Gripper, Joint, Link, Mount, RobotError
-from .stands import HEAD_CAMERA, Stand, Triple, box, wrist_camera
-from .urdf_file import UrdfError, UrdfLink, UrdfRobot, UrdfShape, read_urdf
+from .contract import Arm, Gripper, Link, Mount, RobotError
+from .urdf_file import UrdfError, UrdfLink, UrdfShape, read_urdf
 
 URDF, TOML, MESHES = "robot.urdf", "robot.toml", "meshes"
+
+# RoboTwin 2.0 `static_camera_list`: the same head camera for every robot
+HEAD_CAMERA = frame((-0.032, -0.45, 1.35), (0, 0.6, -0.8), (-1, 0, 0))
+HEAD_CAMERA.setflags(write=False)
+
+Triple = tuple[float, float, float]
+Stand = tuple[Parts, tuple[Collider, ...]]
 
 type Side = Annotated[str, Field(pattern="^(left|right)$")]
 type BySide[T] = Annotated[dict[Side, T], Field(min_length=2)]
@@ -141,7 +149,7 @@ class RobotModel:
             base=HEAD_CAMERA,  # of no side yet
             links=tuple(_link(name, link) for name, link in robot.links.items()),
             joints=tuple(replace(joint, **limits.get(joint.name, {})) for joint in joints),
-            arm_joints=tuple(j.name for j in chain(robot, hand) if j.kind != "fixed"),
+            arm_joints=tuple(j.name for j in joints_to(hand, joints) if j.kind != "fixed"),
             hand=hand,
             tcp=tcp,
             gripper=Gripper(*dict(settings.gripper).values()),
@@ -152,13 +160,18 @@ class RobotModel:
         )
 
 
-def chain(robot: UrdfRobot, hand: str) -> list[Joint]:
-    """The joints from the root to a link; none for an unknown link."""
-    path: list[Joint] = []
-    while hand in robot.parent_joint and len(path) <= len(robot.links):
-        path.append(robot.parent_joint[hand])
-        hand = path[-1].parent
-    return path[::-1]
+def wrist_camera(
+    tcp: Pose, behind: float = 0.095, above: float = 0.085, pitch: float = 0.55
+) -> Pose:
+    """Pose (7,) in the hand link, `behind` and `above` the tool (m), pitched down (rad): fingers
+    and held things up to 9 cm are in view."""
+    return compose(tcp, pose((-behind, 0, above), quat_from_rpy(0.0, pitch, 0.0)))
+
+
+def box(lower: ArrayLike, upper: ArrayLike) -> Collider:
+    """Box between two corners (3,), m."""
+    a, b = np.asarray(lower, float), np.asarray(upper, float)
+    return Collider("box", tuple(((b - a) / 2).tolist()), pose((a + b) / 2))
 
 
 def _link(name: str, link: UrdfLink) -> Link:

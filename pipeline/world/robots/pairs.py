@@ -1,6 +1,6 @@
-"""The robots that exist, and two single arms as one embodiment."""
+"""The robots that exist, two single arms as one embodiment, and what they stand on."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,11 +11,12 @@ from pipeline.data.names import NONE, SIDES
 from pipeline.data.setup.rules import Layout
 from pipeline.poses import compose, pose, quat_from_rpy
 from pipeline.registry import Registry
-from pipeline.world.shapes import Mesh
+from pipeline.world.objects import geometry
+from pipeline.world.objects.surface import join
+from pipeline.world.shapes import Material, Mesh, Parts
 
 from .contract import Arm, Embodiment, RobotError, check_arm
-from .directory import TOML, RobotModel
-from .stands import HEAD_CAMERA, Stand, pedestal
+from .directory import HEAD_CAMERA, TOML, RobotModel, Stand, Triple, box
 
 _STRETCHES = 0.6
 """m, below which furniture stretches and above which it rises."""
@@ -44,6 +45,43 @@ def looking(embodiment: Embodiment, shift: ArrayLike, turn: Sequence[float]) -> 
 def _stretched(mesh: Mesh, by: float) -> Mesh:
     rise = by * np.clip(mesh.vertices[:, 2] / _STRETCHES, 0.0, 1.0)
     return replace(mesh, vertices=(mesh.vertices + np.outer(rise, (0, 0, 1))).astype(np.float32))
+
+
+CHARCOAL = Material((0.17, 0.175, 0.185), roughness=0.5)
+GREY = Material((0.42, 0.43, 0.45), roughness=0.5)
+SILVER = Material((0.72, 0.73, 0.75), roughness=0.35, metallic=0.6)
+
+TABLE_EDGE = -0.35  # y of the table's edge on the robot's side, m
+GAP = 0.003  # between the stand's collision and the base link, m
+
+
+def pedestal(base: Triple, half: float) -> Stand:
+    """A stand (world frame) for `base` (m) with a square foot of half edge `half` (m). Only the
+    plate under the foot may reach over the table."""
+    x, y, z = base
+    column_y = min(y, TABLE_EDGE - 0.015 - half)
+    front = max(y, column_y) + half
+    width = half - 0.012
+    left, right, back = x - half, x + half, column_y - half
+    foot = block((left, back, z - 0.018), (right, front, z), 0.003)
+    column = (x - width, column_y - width, 0.03), (x + width, column_y + width, z - 0.017)
+    plate = (left - 0.05, back - 0.06, 0), (right + 0.05, column_y + half, 0.03)
+    boards = (SILVER, [block(*column, 0.004)]), (GREY, [block(*plate, 0.004)])
+    upper = box((left, back, z - 0.018), (right, front, z - GAP))
+    lower = box((left, back, 0), (right, column_y + half, z - 0.018))
+    return painted((CHARCOAL, [foot]), *boards), (upper, lower)
+
+
+def block(lower: ArrayLike, upper: ArrayLike, bevel: float = 0.0) -> Mesh:
+    """Box between two corners (3,), m, with chamfered edges."""
+    a, b = np.asarray(lower, float), np.asarray(upper, float)
+    return geometry.at(geometry.box(*((b - a) / 2), bevel=bevel), (a + b) / 2)
+
+
+def painted(*groups: tuple[Material, Iterable[Mesh]]) -> Parts:
+    """One joined mesh per material saves draw calls."""
+    listed = ((material, tuple(meshes)) for material, meshes in groups)
+    return tuple((join(*meshes), material) for material, meshes in listed if meshes)
 
 
 MODELS = Registry[RobotModel]("robot")

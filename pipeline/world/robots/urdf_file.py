@@ -10,22 +10,25 @@ from lxml import etree
 from numpy.typing import ArrayLike
 
 from pipeline.data.errors import DominoError
+from pipeline.data.joints import (
+    LIMITS,
+    Joint,
+    joint_motion,
+    number_of,
+    origin_of,
+    read_joint,
+    vector_of,
+)
 from pipeline.poses import Floats, Pose, compose, pose, quat_to_matrix
 from pipeline.world.meshes.files import Folders, folders_of, parse_xml, read_bytes
 from pipeline.world.meshes.part import MeshError
 
-from .contract import Joint, joint_motion
-from .stands import at
-
 MAX_URDF_BYTES = 8_000_000
 MAX_LINKS = 500
 MAX_NAME = 500  # characters of a link's or joint's name
-FREE = ("floating", "planar")
-_KINDS = {k: k for k in ("revolute", "prismatic", "fixed", *FREE)} | {"continuous": "revolute"}
 _VECTORS = {"xyz": (3,), "rpy": (3,), "scale": (1, 3), "rgba": (3, 4), "size": (3,)}
 _INERTIA = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
-_LIMITS = ("lower", "upper", "velocity", "effort")
-_NUMBERS = ("radius", "length", *_LIMITS, "multiplier", "offset", *_INERTIA)
+_NUMBERS = ("radius", "length", *LIMITS, "multiplier", "offset", *_INERTIA)
 
 type Color = tuple[float, float, float]
 
@@ -117,13 +120,16 @@ def read_urdf(
     named = (m for m in document.iter("material") if m.get("name") and _color(m))
     shapes = _Shapes(folders_of(path, root, packages), {m.get("name"): _color(m) for m in named})
     links = {_name(e, path): _link(e, shapes) for e in elements}
-    names = [(e.tag, e.get("name")) for e in (*elements, *document.findall("joint"))]
+    names = [(e.tag, _name(e, path)) for e in (*elements, *document.findall("joint"))]
     for tag, name in {x for x in names if names.count(x) > 1}:
         raise UrdfError(f"{path}: two {tag}s are named {name!r}: give each its own name")
     joints: dict[str, Joint] = {}
     mimics: dict[str, Mimic] = {}
     for element in document.findall("joint"):
-        joint = _joint(element, path)
+        try:
+            joint = read_joint(element)
+        except ValueError as error:
+            raise UrdfError(f"{path}: {error}") from error
         for link in {joint.parent, joint.child} - links.keys():
             what = f"{path}: joint {joint.name!r} names link {link!r}"
             raise UrdfError(f"{what}, which the file does not have")
@@ -186,19 +192,19 @@ class _Shapes:
                 color = None
                 if material is not None:
                     color = _color(material) or self.paints.get(material.get("name"))
-                yield self._shape(solid, _origin(element), color)
+                yield self._shape(solid, origin_of(element), color)
 
     def _shape(self, solid: Any, origin: Pose, color: Color | None) -> UrdfShape:
         urdf = self.folders.urdf
         if solid.tag == "mesh":
-            x, y, z = np.broadcast_to(_vector(solid, "scale", (1.0,)), 3).tolist()
+            x, y, z = np.broadcast_to(vector_of(solid, "scale", (1.0,)), 3).tolist()
             try:
                 file, within = self.folders.find(solid.get("filename", ""))
             except MeshError as error:
                 raise UrdfError(f"{urdf}: mesh {error}") from error
             return UrdfShape("mesh", origin, (), file, (x, y, z), color, within)
-        radius, half = _number(solid, "radius"), _number(solid, "length") / 2
-        x, y, z = (_vector(solid, "size", (0.0, 0.0, 0.0)) / 2).tolist()
+        radius, half = number_of(solid, "radius"), number_of(solid, "length") / 2
+        x, y, z = (vector_of(solid, "size", (0.0, 0.0, 0.0)) / 2).tolist()
         sizes = {"box": (x, y, z), "cylinder": (radius, half), "sphere": (radius,)}
         size = sizes.get(solid.tag, (0.0,))
         if min(size) <= 0:
@@ -211,38 +217,16 @@ def _link(e: Any, shapes: _Shapes) -> UrdfLink:
     inertial = e.find("inertial")
     mass, com, inertia = 0.0, np.zeros(3), np.zeros((3, 3))
     if inertial is not None:
-        origin = _origin(inertial)
-        mass, com = _number(inertial.find("mass"), "value"), origin[:3]
+        origin = origin_of(inertial)
+        mass, com = number_of(inertial.find("mass"), "value"), origin[:3]
         row = inertial.find("inertia")
-        xx, xy, xz, yy, yz, zz = (_number(row, k) for k in _INERTIA)
+        xx, xy, xz, yy, yz, zz = (number_of(row, k) for k in _INERTIA)
         inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
         if (origin[3:] != (1, 0, 0, 0)).any():
             turn = quat_to_matrix(origin[3:])
             inertia = turn @ inertia @ turn.T
     visuals, collisions = (tuple(shapes.of(e, tag)) for tag in ("visual", "collision"))
     return UrdfLink(mass, com, inertia, visuals, collisions)
-
-
-def _joint(e: Any, path: Path) -> Joint:
-    name = _name(e, path)
-    kind = _KINDS.get(e.get("type", ""))
-    ends = [e.find(tag).get("link", "") for tag in ("parent", "child") if e.find(tag) is not None]
-    if kind is None or len(ends) < 2 or not all(ends):
-        kinds = ", ".join(k for k in _KINDS if k not in FREE)
-        raise UrdfError(f"{path}: joint {name!r} needs a parent, a child and a type of {kinds}")
-    axis = _vector(e.find("axis"), "xyz", (1.0, 0.0, 0.0))
-    if kind == "fixed":
-        axis = np.array([0.0, 0.0, 1.0])
-    if not axis.any():
-        raise UrdfError(f"{path}: joint {name!r} has an axis of length 0")
-    # an axis of length 1 stays as it is written, to the last digit
-    length = float(np.linalg.norm(axis))
-    x, y, z = (axis if abs(length - 1) < 1e-12 else axis / length).tolist()
-    lower, upper, velocity, effort = (_number(e.find("limit"), k) for k in _LIMITS)
-    if e.get("type") == "continuous":
-        lower, upper = -2 * np.pi, 2 * np.pi
-    limits = lower, upper, velocity, effort
-    return Joint(name, kind, ends[0], ends[1], _origin(e), (x, y, z), *limits)
 
 
 def _name(e: Any, path: Path) -> str:
@@ -254,24 +238,9 @@ def _name(e: Any, path: Path) -> str:
     return name
 
 
-def _origin(e: Any) -> Pose:
-    origin = e.find("origin")
-    roll, pitch, yaw = _vector(origin, "rpy", (0.0, 0.0, 0.0)).tolist()
-    return at(_vector(origin, "xyz", (0.0, 0.0, 0.0)), (roll, pitch, yaw))
-
-
-def _vector(e: Any, key: str, default: tuple[float, ...]) -> Floats:
-    text = None if e is None else e.get(key)
-    return np.array(default if text is None else [float(v) for v in text.split()])
-
-
-def _number(e: Any, key: str) -> float:
-    return 0.0 if e is None else float(e.get(key, 0.0))
-
-
 def _color(material: Any) -> Color | None:
     color = material.find("color")
     if color is None or color.get("rgba") is None:
         return None
-    r, g, b = np.clip(_vector(color, "rgba", ())[:3], 0.0, 1.0).tolist()
+    r, g, b = np.clip(vector_of(color, "rgba", ())[:3], 0.0, 1.0).tolist()
     return (r, g, b)

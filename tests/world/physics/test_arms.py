@@ -14,7 +14,8 @@ from pipeline.world.robots import MODELS, get_embodiment
 from pipeline.world.robots.contract import Arm
 from pipeline.world.shapes import Collider
 
-CAPSULE = Collider("capsule", (0.02, 0.05), pose((0.01, 0.02, 0.03), quat_from_rpy(0.3, -0.5, 1.1)))
+TURNED = quat_from_rpy(0.3, -0.5, 1.1)
+CYLINDER = Collider("cylinder", (0.02, 0.05), pose((0.01, 0.02, 0.03), TURNED))
 
 
 def bits(builder: sapien.ArticulationBuilder) -> list[bytes]:
@@ -71,7 +72,7 @@ def test_an_arm_is_what_the_loader_makes_of_its_urdf(name, tmp_path):
     turned = replace(
         first,
         products=(0.1 * first.inertia[0], 0.0, -0.05 * first.inertia[0]),
-        collision=(*first.collision, CAPSULE),
+        collision=(*first.collision, CYLINDER),
     )
     for one in (arm, replace(arm, links=(turned, *others))):
         assert bits(arm_builder(one, "left")) == bits(by_loader(one, tmp_path / "arm.urdf"))
