@@ -208,6 +208,12 @@ def headings(streams: Streams, count: int = 64) -> list[float]:
     return (rng.permutation(spread) - np.pi).tolist()
 
 
+def ways(heading: float) -> tuple[Floats, Floats]:
+    """Unit vectors (3,) along `heading` (rad) and to its left."""
+    c, s = np.cos(heading), np.sin(heading)
+    return np.array([c, s, 0.0]), np.array([-s, c, 0.0])
+
+
 def ahead_of(heading: float, ahead: Floats, aside: Floats) -> tuple[Floats, Floats]:
     """x and y (...,) m of ways ahead and to the left, seen along `heading` (rad)."""
     c, s = np.cos(heading), np.sin(heading)

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from pipeline.poses import Floats, pose, yawed
 
-from ..closed_form import Along, ClosedFormModel, common, headings
+from ..closed_form import Along, ClosedFormModel, common, headings, ways
 from ..contract import MotionRequest, Streams
 from ..pace import draw_pace
 from ..scenery import AWAY, SHEET, Piece, Prop, flat, standing
@@ -35,16 +35,13 @@ class Conveyor(Along):
     width: float
     runout: float = field(default=RUNOUT, kw_only=True)
 
-    @property
-    def _forward(self) -> Floats:
-        return np.array([np.cos(self.heading), np.sin(self.heading), 0.0])
-
     def at(self, s: Floats) -> Floats:
-        s = np.asarray(s)
-        return self.carried_by(s * self._forward[0], s * self._forward[1])
+        x, y, _ = ways(self.heading)[0]
+        return self.carried_by(np.asarray(s) * x, np.asarray(s) * y)
 
     def slope(self, s: Floats) -> Floats:
-        return np.broadcast_to(np.concatenate([self._forward, np.zeros(3)]), (*np.shape(s), 6))
+        twist = np.concatenate([ways(self.heading)[0], np.zeros(3)])
+        return np.broadcast_to(twist, (*np.shape(s), 6))
 
     def to_json(self) -> str:
         values: dict[str, Any] = json.loads(super().to_json())
@@ -57,7 +54,8 @@ class Conveyor(Along):
         first, last = float(ridden.min()), float(ridden.max())
         ends = (first - self.runout, last + self.runout)
         half, side = (ends[1] - ends[0]) / 2, self.width / 2 + 0.004
-        middle = yawed(np.array(self.end[:3]) + sum(ends) / 2 * self._forward, self.heading)
+        way = sum(ends) / 2 * ways(self.heading)[0]
+        middle = yawed(np.array(self.end[:3]) + way, self.heading)
         band = flat("box", (half, self.width / 2), SHEET, RUBBER)
         rails = [
             Piece("box", (half, 0.004, 0.002), pose((0, y, 0.002)), RAIL) for y in (side, -side)

@@ -8,7 +8,7 @@ import numpy as np
 
 from pipeline.poses import Floats, pose, quat_about, quat_multiply, quat_rotate, yawed
 
-from ..closed_form import Along, ClosedFormModel, turns
+from ..closed_form import Along, ClosedFormModel, turns, ways
 from ..contract import MotionRequest, Streams
 from ..pace import draw_pace
 from ..scenery import Piece, Prop, standing
@@ -38,10 +38,6 @@ class Ramp(Along):
         pitch = np.minimum(back / FILLET, self.slope_angle)
         return pitch, FILLET * pitch, back - FILLET * pitch
 
-    @property
-    def _axis(self) -> Floats:
-        return np.array([-np.sin(self.heading), np.cos(self.heading), 0.0])
-
     def at(self, s: Floats) -> Floats:
         s = np.asarray(s, float)
         pitch, _, straight = self._bend(s)
@@ -49,7 +45,7 @@ class Ramp(Along):
         up = FILLET * (1 - np.cos(pitch)) + straight * np.sin(pitch)
         way = [ahead * np.cos(self.heading), ahead * np.sin(self.heading), up]
         place = np.array(self.end[:3]) + np.stack(way, -1)
-        turn = quat_multiply(turns(self._axis, pitch), np.array(self.end[3:]))
+        turn = quat_multiply(turns(ways(self.heading)[1], pitch), np.array(self.end[3:]))
         return np.concatenate([place, turn], -1)
 
     def slope(self, s: Floats) -> Floats:
@@ -57,7 +53,7 @@ class Ramp(Along):
         c = np.cos(pitch)
         line = np.stack([c * np.cos(self.heading), c * np.sin(self.heading), -np.sin(pitch)], -1)
         bending = (pitch > 0) & (pitch < self.slope_angle)
-        return np.concatenate([line, -(bending / FILLET)[..., None] * self._axis], -1)
+        return np.concatenate([line, -(bending / FILLET)[..., None] * ways(self.heading)[1]], -1)
 
     def scenery(self) -> tuple[Prop, ...]:
         bend = FILLET * self.slope_angle

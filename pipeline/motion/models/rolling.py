@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from pipeline.poses import Floats, pose, quat_multiply, quat_rotate, yawed
 
-from ..closed_form import Along, ClosedFormModel, common, headings, turns
+from ..closed_form import Along, ClosedFormModel, common, headings, turns, ways
 from ..contract import MotionRequest, Streams
 from ..pace import SLOWEST, Pace, draw_forward, draw_pace
 from ..scenery import Piece, Prop, flat, standing
@@ -26,26 +26,19 @@ class Rolling(Along):
     heading: float
     radius: float
 
-    @property
-    def _forward(self) -> Floats:
-        return np.array([np.cos(self.heading), np.sin(self.heading), 0.0])
-
-    @property
-    def _axis(self) -> Floats:
-        return np.array([-np.sin(self.heading), np.cos(self.heading), 0.0])
-
     def centre(self, s: Floats) -> Floats:
         """World position (..., 3) of the body's centre at advances s (...,)."""
         middle = np.array(self.end[:3]) + np.array([0.0, 0.0, self.radius])
-        return middle + np.asarray(s)[..., None] * self._forward
+        return middle + np.asarray(s)[..., None] * ways(self.heading)[0]
 
     def _turn(self, s: Floats) -> Floats:
         """The turn (..., 4) from the end pose at advances s."""
-        return turns(self._axis, s / self.radius)
+        return turns(ways(self.heading)[1], s / self.radius)
 
     def _leg(self, s: Floats) -> tuple[Floats, Floats]:
         """Direction and axis (..., 3) of the roll at advances s (...,)."""
-        return self._forward, np.broadcast_to(self._axis, (*np.shape(s), 3))
+        forward, axis = ways(self.heading)
+        return forward, np.broadcast_to(axis, (*np.shape(s), 3))
 
     def at(self, s: Floats) -> Floats:
         turn = self._turn(np.asarray(s))
@@ -95,8 +88,7 @@ class Rebound(Rolling):
     @property
     def _came(self) -> tuple[Floats, Floats]:
         """Direction and axis (3,) of the roll before the wall."""
-        c, s = np.cos(self.incoming), np.sin(self.incoming)
-        return np.array([c, s, 0.0]), np.array([-s, c, 0.0])
+        return ways(self.incoming)
 
     def _split(self, s: Floats) -> tuple[Floats, Floats]:
         """The parts of advances s (...,) after and before the wall."""
@@ -134,7 +126,7 @@ class Rebound(Rolling):
         stripe = flat("box", (0.004, GOAL), 0.0015, WHITE)
         places = (pose((0, side * GOAL, 0.02)) for side in (1, -1))
         posts = [Piece("cylinder", (0.005, 0.02), place, RED) for place in places]
-        goal = yawed(np.array(self.end[:3]) + self.line * self._forward, self.heading)
+        goal = yawed(np.array(self.end[:3]) + self.line * ways(self.heading)[0], self.heading)
         return (
             Prop("wall", (brick,), standing(yawed((x, y, self.end[2]), normal)), solid=True),
             Prop("goal_line", (stripe, *posts), standing(goal)),
