@@ -2,12 +2,12 @@
 
 from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
+
+from .parsing import Strict
 
 
-class _Imperfections(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
+class _Imperfections(Strict):
     example: ClassVar[str]
 
     @model_validator(mode="before")

@@ -1,4 +1,4 @@
-"""Reads numbers, JSON and YAML."""
+"""Reads numbers, JSON and YAML; the base of models that files hold."""
 
 import json
 import reprlib
@@ -7,6 +7,8 @@ from pathlib import Path
 from typing import Any
 
 import yaml
+from pydantic import BaseModel, ConfigDict, Field
+from pydantic.fields import FieldInfo
 
 from .errors import DominoError, one_line
 from .reading import open_regular
@@ -18,6 +20,17 @@ MOST_VALUES = 200_000  # in such a file; aliases of YAML count each time they ar
 LARGEST_NUMBER = 10**15  # whole numbers up to here are exact as floats
 
 FEWEST_PIXELS, MOST_PIXELS = 16, 4096
+
+
+class Strict(BaseModel):
+    """A record without unknown keys."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+def unless(usual: Any) -> FieldInfo:
+    """A field that is left out of JSON at its usual value, as earlier versions left it out."""
+    return Field(exclude_if=lambda value: value == usual)
 
 
 class ParseError(DominoError, ValueError):

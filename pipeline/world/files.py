@@ -9,19 +9,19 @@ from typing import Any
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import ConfigDict, ValidationError
 
 from pipeline.data.errors import DominoError
-from pipeline.data.parsing import LARGEST_FILE, bounded, show_value
+from pipeline.data.parsing import LARGEST_FILE, Strict, bounded, show_value
 from pipeline.data.reading import read_regular
 
 from .shapes import Material, Mesh, Parts, linear, srgb_of
 
 
-class Table(BaseModel):
+class Table(Strict):
     """Tables of `robot.toml` and `object.toml`: no unknown keys, finite numbers."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+    model_config = ConfigDict(allow_inf_nan=False)
 
 
 def read_toml[T: Table](file: Path, kind: type[T], wrong: type[DominoError]) -> T:

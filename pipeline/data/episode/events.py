@@ -9,16 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import (
     AfterValidator,
-    BaseModel,
     BeforeValidator,
-    ConfigDict,
-    SerializerFunctionWrapHandler,
     field_validator,
-    model_serializer,
     model_validator,
 )
 
 from pipeline.data.names import CAMERAS
+from pipeline.data.parsing import Strict, unless
 
 from .state_log import Event, StateLog
 
@@ -100,11 +97,7 @@ def _known(value: Any) -> Any:
 _Number = float | tuple[float, float]
 
 
-class _Strict(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class When(_Strict):
+class When(Strict):
     """When an event happens: at a `time` (s) or a `share` of the time until the planned meeting. Or
     at a `distance` (m) of a tool from the target or the begin of a `phase`. Or so many s after the
     `meeting`, or `after` the event before. A pair of numbers is a range to draw from."""
@@ -133,7 +126,7 @@ class When(_Strict):
         return next(name for name, value in self if value is not None)  # pyright: ignore[reportReturnType]
 
 
-class EventSpec(_Strict):
+class EventSpec(Strict):
     """An event of a recipe or an evaluation; of several kinds one is drawn. It ends after `lasts`
     (s), if given; `amount` is in the unit of its kind (AMOUNTS); `cameras` freeze or darken, by
     default all."""
@@ -227,7 +220,7 @@ Events = Annotated[
 """Events of a setup, or one; "none" for no event."""
 
 
-class DrawnEvent(_Strict):
+class DrawnEvent(Strict):
     """An event with all numbers drawn; it happens when `trigger` reaches `value`; `lasts` is in
     s, `turn` in rad. `body` is what takes the target's role, "" for none.
     """
@@ -240,15 +233,7 @@ class DrawnEvent(_Strict):
     amount: float = 0.0
     turn: float = 0.0
     cameras: tuple[str, ...] = ()
-    body: str = ""
-
-    @model_serializer(mode="wrap")
-    def _written(self, write: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """Without a body that is none, which earlier files do not have."""
-        values = write(self)
-        if not self.body:
-            values.pop("body", None)
-        return values
+    body: Annotated[str, unless("")] = ""
 
     def shows(self, camera: str) -> bool:
         """Whether it changes the images of a camera of this name in a file."""

@@ -10,9 +10,7 @@ from pydantic import (
     ConfigDict,
     Field,
     FiniteFloat,
-    SerializerFunctionWrapHandler,
     field_validator,
-    model_serializer,
     model_validator,
 )
 
@@ -20,9 +18,10 @@ from pipeline.data.cameras import Camera, CameraType, look
 from pipeline.data.clock import PHYSICS_HZ
 from pipeline.data.imperfections import DriveErrors, Sensors
 from pipeline.data.names import CAMERAS, RETIRED, is_name
+from pipeline.data.parsing import unless
 
 from .events import DrawnEvent
-from .visuals import FIRST_LOOK, Visuals
+from .visuals import Visuals
 
 
 def _named(text: str) -> str:
@@ -146,7 +145,7 @@ class Drawing(_Record):
     visuals: Visuals
     cameras: dict[Name, CameraInfo] = {}
     assets: dict[Name, str] = {}
-    sensors: Sensors | None = None
+    sensors: Annotated[Sensors | None, unless(None)] = None
 
     @model_validator(mode="before")
     @classmethod
@@ -160,17 +159,6 @@ class Drawing(_Record):
     def latency(self) -> float:
         """How many frames the images are late."""
         return self.sensors.latency if self.sensors else 0.0
-
-    @model_serializer(mode="wrap")
-    def _written(self, write: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """Without imperfections of cameras that have none, and the look of episodes that were
-        stored before looks had a number."""
-        values = write(self)
-        if self.sensors is None:
-            values.pop("sensors", None)
-        if self.visuals.look == FIRST_LOOK and "visuals" in values:
-            del values["visuals"]["look"]
-        return values
 
 
 class FailureInfo(_Record):
@@ -204,12 +192,12 @@ class EpisodeMeta(_Record):
     manipulated: Name
     category: Category
     arms: dict[str, Side]
-    choices: dict[str, str] = {}
-    choices_after: dict[str, str] = {}
+    choices: Annotated[dict[str, str], unless({})] = {}
+    choices_after: Annotated[dict[str, str], unless({})] = {}
     objects: dict[Name, ObjectInfo]
     clutter: tuple[Name, ...] = ()
-    clutter_wanted: tuple[int, int] = CLUTTER
-    objects_wanted: dict[Replaced, tuple[Name, ...]] = {}
+    clutter_wanted: Annotated[tuple[int, int], unless(CLUTTER)] = CLUTTER
+    objects_wanted: Annotated[dict[Replaced, tuple[Name, ...]], unless({})] = {}
     table_drop: float = 0.0
     meeting_time: float
     average_speed: float
@@ -219,10 +207,10 @@ class EpisodeMeta(_Record):
     rules: str = "strict"
     contact: str = "stop"
     layout: str = "ours"
-    drive: DriveErrors | None = None
-    events: tuple[DrawnEvent, ...] = ()
-    expert: Literal["planned", "reactive"] = "planned"
-    corrects: str = ""
+    drive: Annotated[DriveErrors | None, unless(None)] = None
+    events: Annotated[tuple[DrawnEvent, ...], unless(())] = ()
+    expert: Annotated[Literal["planned", "reactive"], unless("planned")] = "planned"
+    corrects: Annotated[str, unless("")] = ""
     physics_hz: Annotated[int, Field(gt=0)] = PHYSICS_HZ
     step_limit: int = 0
     workspace: tuple[float, float, float, float] | None = None
@@ -233,23 +221,3 @@ class EpisodeMeta(_Record):
     physics_key: str = ""
     render_key: str = ""
     keys: dict[str, dict[str, str]] = {}
-
-    @model_serializer(mode="wrap")
-    def _written(self, write: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """Without usual values, which earlier files do not have."""
-        values = write(self)
-        if self.clutter_wanted == CLUTTER:
-            values.pop("clutter_wanted", None)
-        if self.expert == "planned":
-            values.pop("expert", None)
-        for name in (
-            "drive",
-            "choices",
-            "choices_after",
-            "events",
-            "objects_wanted",
-            "corrects",
-        ):
-            if not getattr(self, name):
-                values.pop(name, None)
-        return values

@@ -1,6 +1,9 @@
 """An episode's room and lights as data."""
 
 from dataclasses import dataclass
+from typing import Annotated
+
+from pipeline.data.parsing import unless
 
 Triple = tuple[float, float, float]
 
@@ -39,4 +42,4 @@ class Visuals:
     sun_direction: Triple  # the way the light travels, world frame, any length
     sun: Triple
     points: tuple[PointLight, ...]
-    look: int = FIRST_LOOK
+    look: Annotated[int, unless(FIRST_LOOK)] = FIRST_LOOK

@@ -9,10 +9,10 @@ from typing import Annotated, Any
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from pipeline.data.errors import DominoError
-from pipeline.data.parsing import ParseError, real
+from pipeline.data.parsing import ParseError, Strict, real
 from pipeline.data.process.limited import Limits, run_limited
 from pipeline.data.reading import read_regular
 
@@ -33,10 +33,8 @@ class BroughtError(DominoError, ValueError):
     """Images or light that cannot be used: one line with the file."""
 
 
-class Brought(BaseModel):
+class Brought(Strict):
     """A directory of textures or a file of light: absolute path, sha256 of its content, licence."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     path: Annotated[str, Field(min_length=1, max_length=4096)]
     content: Annotated[str, Field(pattern="^[0-9a-f]{64}$")]

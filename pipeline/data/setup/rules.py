@@ -4,12 +4,13 @@ import re
 from dataclasses import dataclass, replace
 from typing import Annotated, Any, Literal, cast, get_args
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 
 from pipeline.data.episode.events import EventSpec
 from pipeline.data.episode.meta import CLUTTER, Category, EpisodeMeta
 from pipeline.data.imperfections import DriveErrors
 from pipeline.data.keys import digest
+from pipeline.data.parsing import Strict
 
 RuleSet = Literal["strict", "domino"]
 Contact = Literal["stop", "continue", "hold"]
@@ -25,11 +26,9 @@ _UNITS = {"s": ("delay", 1.0), "ms": ("delay", 1e-3), "m": ("noise", 1.0), "mm":
 _AMOUNT = re.compile(r"(?P<number>[0-9]{1,6}(\.[0-9]{1,6})?) ?(?P<unit>ms|s|mm|m)")
 
 
-class Sight(BaseModel):
+class Sight(Strict):
     """How the reactive expert sees the target: `delay` (s) late, with errors of standard deviation
     `noise` (m)."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     delay: Annotated[float, Field(ge=0, le=2)] = 0.0
     noise: Annotated[float, Field(ge=0, le=0.1)] = 0.0
@@ -51,11 +50,9 @@ class Sight(BaseModel):
         return found
 
 
-class Corrections(BaseModel):
+class Corrections(Strict):
     """Whose actions the reactive expert corrects: a `policy` as of `evaluate --policy`, and its
     `label` with the hash of its file (run/names.py)."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     policy: Annotated[str, Field(min_length=1, max_length=1000)]
     label: Annotated[str, Field(max_length=1000)] = ""
