@@ -9,6 +9,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 Floats = NDArray[np.float64]
+Floats32 = NDArray[np.float32]
+Ints = NDArray[np.int64]
+Bools = NDArray[np.bool_]
+Pixels = NDArray[np.uint8]
 Pose = Floats
 
 IDENTITY: Pose = np.array([0.0, 0, 0, 1, 0, 0, 0])

@@ -7,7 +7,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pipeline.poses import Pose, compose, frame, inverse, matrix
+from pipeline.poses import Bools, Floats, Floats32, Pixels, Pose, compose, frame, inverse, matrix
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ def framed(points: ArrayLike, forward: ArrayLike, kind: CameraType, margin: floa
     return look(f * eye + left * centre[0] + np.cross(f, left) * centre[1], f, left)
 
 
-def intrinsics(camera: CameraType) -> NDArray[np.float64]:
+def intrinsics(camera: CameraType) -> Floats:
     """Pinhole matrix (3,3) in pixels, principal point at the image centre."""
     f = camera.height / 2 / np.tan(np.radians(camera.fovy) / 2)
     return np.array([[f, 0, camera.width / 2], [0, f, camera.height / 2], [0, 0, 1]])
@@ -70,13 +70,13 @@ _CV_IN_BODY = np.array([[0.0, 0, 1], [-1, 0, 0], [0, -1, 0]])
 _GL_IN_BODY = np.array([[0.0, 0, -1], [-1, 0, 0], [0, 1, 0]])
 
 
-def extrinsics_cv(world_pose: ArrayLike) -> NDArray[np.float64]:
+def extrinsics_cv(world_pose: ArrayLike) -> Floats:
     """World to camera matrices (...,3,4), OpenCV axes, from world poses (...,7)."""
     m = matrix(inverse(world_pose))[..., :3, :]
     return _CV_IN_BODY.T @ m
 
 
-def cam2world_gl(world_pose: ArrayLike) -> NDArray[np.float64]:
+def cam2world_gl(world_pose: ArrayLike) -> Floats:
     """Camera to world matrices (...,4,4), OpenGL axes, from world poses (...,7)."""
     m = matrix(world_pose)
     m[..., :3, :3] = m[..., :3, :3] @ _GL_IN_BODY
@@ -84,16 +84,12 @@ def cam2world_gl(world_pose: ArrayLike) -> NDArray[np.float64]:
 
 
 @lru_cache(maxsize=64)
-def _matrices(
-    camera: CameraType, world_pose: bytes
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _matrices(camera: CameraType, world_pose: bytes) -> tuple[Floats, Floats]:
     """Remembered extrinsics and intrinsics: evaluations ask every control period."""
     return extrinsics_cv(np.frombuffer(world_pose)), intrinsics(camera)
 
 
-def project(
-    camera: CameraType, world_pose: ArrayLike, points: ArrayLike
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def project(camera: CameraType, world_pose: ArrayLike, points: ArrayLike) -> tuple[Floats, Floats]:
     """Pixels (...,2) of world points (...,3), and depth (...) m along the viewing axis."""
     e, k = _matrices(camera, np.asarray(world_pose, float).tobytes())
     p = np.asarray(points, float) @ e[:3, :3].T + e[:3, 3]
@@ -103,7 +99,7 @@ def project(
 
 def visible(
     camera: CameraType, world_pose: ArrayLike, points: ArrayLike, margin: float = 0.0
-) -> NDArray[np.bool_]:
+) -> Bools:
     """Which world points (...,3) are at least `margin` px inside the image."""
     uv, depth = project(camera, world_pose, points)
     if uv.ndim == 1:  # arrays of two numbers cost ten times as much
@@ -114,9 +110,7 @@ def visible(
     return inside & (depth > 0.05)
 
 
-def world_poses(
-    camera: Camera, links: Mapping[str, NDArray[np.float64]], frames: int
-) -> NDArray[np.float64]:
+def world_poses(camera: Camera, links: Mapping[str, Floats], frames: int) -> Floats:
     """World poses (T,7) of a camera, from poses (T,7) of `links` by name. Raises KeyError."""
     mount = np.asarray(camera.pose, float)
     if camera.link is None:
@@ -131,10 +125,10 @@ class View:
     """
 
     camera: Camera
-    poses: NDArray[np.float64]
-    rgb: NDArray[np.uint8]
+    poses: Floats
+    rgb: Pixels
     depth: NDArray[np.uint16] | None = None
-    segmentation: NDArray[np.uint8] | None = None
+    segmentation: Pixels | None = None
 
 
 @dataclass(eq=False)
@@ -144,7 +138,7 @@ class Surfaces:
     """
 
     camera: Camera
-    poses: NDArray[np.float64]
-    depth: NDArray[np.float32]
-    segmentation: NDArray[np.uint8]
+    poses: Floats
+    depth: Floats32
+    segmentation: Pixels
     normals: NDArray[np.float16]

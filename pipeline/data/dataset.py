@@ -7,10 +7,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
-from numpy.typing import NDArray
+
+from pipeline.poses import Bools
 
 from .atomic import atomic_path, write_atomic
 from .errors import DominoError, describe_error, one_line
@@ -144,7 +144,7 @@ class Dataset(Paths):
         rows = self.rows(recipe, *more)
         return rows.where(self.there(recipe, rows))
 
-    def there(self, recipe: Recipe, rows: Rows) -> NDArray[np.bool_]:
+    def there(self, recipe: Recipe, rows: Rows) -> Bools:
         """Of which rows (N,) the file is there."""
         return Listing(self.episodes, recipe).there(rows)
 

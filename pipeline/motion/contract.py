@@ -6,9 +6,9 @@ from types import MappingProxyType
 from typing import Any, Literal, Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from pipeline.poses import Floats
+from pipeline.poses import Bools, Floats
 
 from .scenery import Prop
 from .workspace import Workspace
@@ -75,7 +75,7 @@ class TargetMotion(Motion, Protocol):
         ...
 
 
-Visible = Callable[[Floats], NDArray[np.bool_]]
+Visible = Callable[[Floats], Bools]
 Free = Callable[[TargetMotion], bool]
 
 

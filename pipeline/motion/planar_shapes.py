@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import ndtri
 
-from pipeline.poses import Floats
+from pipeline.poses import Bools, Floats, Ints
 
 from .planar import interpolation
 from .workspace import Workspace, draw_within_reach
@@ -31,16 +31,14 @@ class DrawnPaths:
 
     durations: Floats
     coefficients: Floats
-    missed: NDArray[np.bool_]
+    missed: Bools
 
     def only(self, i: int) -> "DrawnPaths":
         one = slice(i, i + 1)
         return DrawnPaths(self.durations[one], self.coefficients[one], self.missed[one])
 
 
-def turned(
-    path: DrawnPaths, angles: Floats, mirrored: NDArray[np.bool_], end: ArrayLike
-) -> DrawnPaths:
+def turned(path: DrawnPaths, angles: Floats, mirrored: Bools, end: ArrayLike) -> DrawnPaths:
     """One path (a batch of 1) turned about its `end` by `angles` (N,) rad, reflected first if
     `mirrored`."""
     n, c, s = len(angles), np.cos(angles), np.sin(angles)
@@ -158,7 +156,7 @@ def _curve(
     return c
 
 
-def _durations(rng: np.random.Generator, count: NDArray[np.int64], total: float) -> Floats:
+def _durations(rng: np.random.Generator, count: Ints, total: float) -> Floats:
     """Durations (n, 3) in s with sum `total`; 0 beyond `count`."""
     used = np.arange(MAX_PIECES) < count[:, None]
     # independent exponentials over their sum are Dirichlet(1)

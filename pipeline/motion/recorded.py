@@ -14,7 +14,7 @@ from pipeline.data.episode.events import by_role
 from pipeline.data.episode.meta import EpisodeMeta
 from pipeline.data.episode.state_log import StateLog, Touch
 from pipeline.data.names import SIDES
-from pipeline.poses import Floats, Pose, compose, inverse
+from pipeline.poses import Bools, Floats, Ints, Pose, compose, inverse
 
 from .contract import TargetMotion
 
@@ -46,7 +46,7 @@ class Interception:
         return self.meta.physics_hz
 
     @cached_property
-    def steps(self) -> NDArray[np.int64]:
+    def steps(self) -> Ints:
         """(T,) physics step of every frame."""
         return np.rint(self.log.times * self.meta.physics_hz).astype(np.int64)
 
@@ -61,7 +61,7 @@ class Interception:
         return self.motion.pose(self.meta.meeting_time)[:3]
 
     @cached_property
-    def contact_pairs(self) -> NDArray[np.int64]:
+    def contact_pairs(self) -> Ints:
         """(T,2) links of each arm that touched the target since the last frame."""
         return self._summed(lambda rows: np.ones(len(rows), np.int64), np.int64)
 
@@ -72,7 +72,7 @@ class Interception:
         return sums / np.maximum(self.contact_points, 1)[..., None]
 
     @cached_property
-    def contact_points(self) -> NDArray[np.int64]:
+    def contact_points(self) -> Ints:
         """(T,2) number of contact points of each arm with the target."""
         return self._summed(lambda rows: rows["points"], np.int64)
 
@@ -100,7 +100,7 @@ class Interception:
         return {touch.side: touch for touch in self.log.touches}
 
     @cached_property
-    def held(self) -> NDArray[np.bool_]:
+    def held(self) -> Bools:
         """(T,2) whether each arm holds the target: touching and steady for GRASP_SECONDS, then
         travelling GRASP_TRAVEL together: a press is no grasp.
         """
@@ -177,7 +177,7 @@ TRACKS = "tracks/"
 
 
 def physics_arrays(
-    derived: Interception, conditions: Mapping[str, NDArray[np.bool_]]
+    derived: Interception, conditions: Mapping[str, Bools]
 ) -> dict[str, NDArray[Any]]:
     """Arrays of the group `interception` (docs/formats.md), and the success conditions (T,) by
     name.
@@ -209,7 +209,7 @@ def physics_arrays(
     return values | holding
 
 
-def conditions_of(arrays: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[np.bool_]]:
+def conditions_of(arrays: Mapping[str, NDArray[Any]]) -> dict[str, Bools]:
     names = (key for key in arrays if key.startswith(CONDITIONS))
     return {name.removeprefix(CONDITIONS): arrays[name] for name in names}
 

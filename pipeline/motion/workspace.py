@@ -3,9 +3,9 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from pipeline.poses import Floats
+from pipeline.poses import Bools, Floats
 
 # Control points are clipped onto the edges; their curve comes back from arithmetic some 1e-16 m
 # beside them.
@@ -36,7 +36,7 @@ class Workspace:
     def upper(self) -> Floats:
         return np.array([self.x_max, self.y_max])
 
-    def contains(self, points: ArrayLike, margin: float = 0.0) -> NDArray[np.bool_]:
+    def contains(self, points: ArrayLike, margin: float = 0.0) -> Bools:
         """Which points (..., 2 or 3) lie at least `margin` m inside (to 1 nm)."""
         xy = np.asarray(points, float)[..., :2]
         inset = margin - ROUNDING

@@ -12,27 +12,27 @@ from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from pipeline.data.names import SIDES
-from pipeline.poses import IDENTITY, Floats, Pose, compose
+from pipeline.poses import IDENTITY, Bools, Floats, Ints, Pose, compose
 from pipeline.world.physics.body import TABLE_COLLISION
 from pipeline.world.robots.contract import Arm, Embodiment, jaw_positions
 from pipeline.world.shapes import Collider
 
 from .budgets import MARGINS
 from .collision_kernels import first_contact
-from .collision_pieces import Ints, Pieces, frames_of, groups_of, pieces_of
+from .collision_pieces import Pieces, frames_of, groups_of, pieces_of
 from .path import IsFree
 
 Jaws = tuple[float, float]
 OPEN: Jaws = (1.0, 1.0)
 
 
-Sees = Callable[[Floats], NDArray[np.bool_]]  # which world points (N,3) are in an image
+Sees = Callable[[Floats], Bools]  # which world points (N,3) are in an image
 
 
-def everywhere(points: Floats) -> NDArray[np.bool_]:
+def everywhere(points: Floats) -> Bools:
     return np.ones(len(points), bool)
 
 

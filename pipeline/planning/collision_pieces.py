@@ -5,9 +5,18 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from pipeline.poses import IDENTITY, Floats, Pose, compose, from_matrix, inverse, quat_to_matrix
+from pipeline.poses import (
+    IDENTITY,
+    Bools,
+    Floats,
+    Ints,
+    Pose,
+    compose,
+    from_matrix,
+    inverse,
+    quat_to_matrix,
+)
 from pipeline.world.robots.contract import Arm
 from pipeline.world.shapes import Collider
 
@@ -22,7 +31,6 @@ KINDS = {
     "capsule": kernels.SEGMENT,
     "convex": kernels.POINTS,
 }
-Ints = NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +40,7 @@ class Frames:
     names: tuple[str, ...]
     parent: Ints
     origin: Floats
-    prismatic: NDArray[np.bool_]
+    prismatic: Bools
 
 
 class Pieces(NamedTuple):

@@ -4,10 +4,10 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from pipeline.data.joints import joints_to
-from pipeline.poses import Floats, Pose, matrix
+from pipeline.poses import Bools, Floats, Pose, matrix
 from pipeline.world.robots.contract import Arm
 
 from . import ik_kernels
@@ -23,7 +23,7 @@ class Chain:
     joint vectors spread over the joint ranges."""
 
     pre: Floats
-    prismatic: NDArray[np.bool_]
+    prismatic: Bools
     tool: Floats
     lower: Floats
     upper: Floats
@@ -32,7 +32,7 @@ class Chain:
     restarts: Floats
 
     @cached_property
-    def kernel(self) -> tuple[Floats, NDArray[np.bool_], Floats, Floats, Floats]:
+    def kernel(self) -> tuple[Floats, Bools, Floats, Floats, Floats]:
         return self.pre, self.prismatic, self.tool, self.lower, self.upper
 
 
@@ -81,7 +81,7 @@ def fk_batch(chain: Chain, q: ArrayLike) -> Floats:
 
 def ik_many(
     chain: Chain, targets: ArrayLike, seeds: ArrayLike, budget: IkBudget = IK
-) -> tuple[Floats, NDArray[np.bool_]]:
+) -> tuple[Floats, Bools]:
     """Joints (N,n) within the limits, else zero, and success (N,) for world poses (N,7)."""
     return ik_kernels.solve_many(
         chain.kernel,

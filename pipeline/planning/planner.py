@@ -6,10 +6,10 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from pipeline.data.names import SIDES
-from pipeline.poses import Floats, Pose, transform
+from pipeline.poses import Bools, Floats, Pose, transform
 from pipeline.world.robots import get_embodiment
 from pipeline.world.robots.contract import Embodiment
 
@@ -132,9 +132,7 @@ class ArmPlanner:
         """World tcp pose (7,) for joints q (n,)."""
         return fk(self.chain, q)
 
-    def solve(
-        self, targets: Floats, seeds: Floats | None = None
-    ) -> tuple[Floats, NDArray[np.bool_]]:
+    def solve(self, targets: Floats, seeds: Floats | None = None) -> tuple[Floats, Bools]:
         """Joints (N,n) of tcp poses (N,7) and which were reached (N,), from seeds (M,n)."""
         seeds = np.stack([self.q, self.chain.home]) if seeds is None else seeds
         return ik_many(self.chain, targets, seeds)

@@ -14,6 +14,7 @@ from pydantic import ConfigDict, ValidationError
 from pipeline.data.errors import DominoError
 from pipeline.data.parsing import LARGEST_FILE, Strict, bounded, show_value
 from pipeline.data.reading import read_regular
+from pipeline.poses import Pixels
 
 from .shapes import Material, Mesh, Parts, linear, srgb_of
 
@@ -42,7 +43,7 @@ def read_toml[T: Table](file: Path, kind: type[T], wrong: type[DominoError]) -> 
 LARGEST = 4096  # pixels along an edge
 
 
-def read_png(coded: bytes) -> NDArray[np.uint8]:
+def read_png(coded: bytes) -> Pixels:
     """The image (H,W,4) RGBA of a PNG. Raises ValueError."""
     size, pixels = struct.unpack(">2I", coded[16:24]) if len(coded) > 24 else (0, 0), None
     if 0 < max(size) <= LARGEST:

@@ -10,17 +10,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pipeline.poses import IDENTITY, Floats, Pose, quat_rotate, transform
+from pipeline.poses import IDENTITY, Floats, Floats32, Pixels, Pose, quat_rotate, transform
 
 
 @dataclass(frozen=True, eq=False)
 class Mesh:
     """Vertices (N,3) m, triangles (M,3), unit normals (N,3), uvs (N,2) or None."""
 
-    vertices: NDArray[np.float32]
+    vertices: Floats32
     triangles: NDArray[np.uint32]
-    normals: NDArray[np.float32]
-    uvs: NDArray[np.float32] | None = field(default_factory=lambda: None)
+    normals: Floats32
+    uvs: Floats32 | None = field(default_factory=lambda: None)
 
     def moved(self, by: Pose) -> "Mesh":
         return Mesh(
@@ -113,7 +113,7 @@ class Material:
     color: tuple[float, float, float]
     roughness: float = 0.6
     metallic: float = 0.0
-    texture: NDArray[np.uint8] | None = None
+    texture: Pixels | None = None
     source: TextureSource | None = None
 
 

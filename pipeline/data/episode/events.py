@@ -6,7 +6,6 @@ from dataclasses import replace
 from typing import Annotated, Any, Literal, NamedTuple, Self, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import (
     AfterValidator,
     BeforeValidator,
@@ -16,6 +15,7 @@ from pydantic import (
 
 from pipeline.data.names import CAMERAS
 from pipeline.data.parsing import Strict, unless
+from pipeline.poses import Bools, Floats
 
 from .state_log import Event, StateLog
 
@@ -281,7 +281,7 @@ class Span(NamedTuple):
     start: float
     end: float
 
-    def holds(self, times: NDArray[np.float64]) -> NDArray[np.bool_]:
+    def holds(self, times: Floats) -> Bools:
         """When (T,) it has happened and not ended; a frame at its start is before."""
         return (times > self.start + 1e-9) & (times <= self.end + 1e-9)
 

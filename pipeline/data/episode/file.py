@@ -18,6 +18,7 @@ from pipeline.data.errors import one_line
 from pipeline.data.names import LONGEST, SIDES, is_name, sides_of
 from pipeline.data.parsing import parse_json
 from pipeline.data.spec import EpisodeSpec
+from pipeline.poses import Pixels
 
 from .frames import EpisodeError, decode_frame, stated_size
 from .hdf5 import HASHES, check_dataset, content_hashes, differing, open_hdf5
@@ -179,11 +180,11 @@ class EpisodeFile(AbstractContextManager["EpisodeFile"]):
         width, height = stated_size(self.jpeg(camera, 0))
         return height, width
 
-    def rgb(self, camera: str, frame: int) -> NDArray[np.uint8]:
+    def rgb(self, camera: str, frame: int) -> Pixels:
         """One decoded frame (H,W,3)."""
         return decode_frame(self.jpeg(camera, frame))
 
-    def frames(self, camera: str) -> Iterator[NDArray[np.uint8]]:
+    def frames(self, camera: str) -> Iterator[Pixels]:
         """All decoded frames (H,W,3) of a camera."""
         for data in self.array(f"observation/{camera}/rgb"):
             yield decode_frame(bytes(data))

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.data.errors import DominoError
+from pipeline.poses import Pixels
 
 QUALITY = 95
 LARGEST = 8192  # pixels of a side of an image, as cameras allow (data/episode/meta.py)
@@ -17,7 +18,7 @@ class EpisodeError(DominoError):
     """An episode file that is missing, truncated or not of this schema."""
 
 
-def encode_frames(rgb: NDArray[np.uint8]) -> NDArray[np.bytes_]:
+def encode_frames(rgb: Pixels) -> NDArray[np.bytes_]:
     """Frames (T,H,W,3) RGB as JPEG bytes (T,), padded with zeros to one length."""
     quality = [cv2.IMWRITE_JPEG_QUALITY, QUALITY]
     coded = [
@@ -45,7 +46,7 @@ def stated_size(jpeg: bytes) -> tuple[int, int]:
     raise EpisodeError("a frame does not decode as JPEG")
 
 
-def decode_frame(jpeg: bytes) -> NDArray[np.uint8]:
+def decode_frame(jpeg: bytes) -> Pixels:
     """JPEG bytes as (H,W,3) RGB. Raises EpisodeError."""
     stated_size(jpeg)
     bgr = cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_COLOR)
@@ -58,9 +59,7 @@ OPTIONS = {"crf": "27", "preset": "veryfast", "threads": "1", "x264-params": "aq
 """With more threads or look-ahead the same frames give other bytes now and then."""
 
 
-def encode_mp4(
-    frames: Iterable[NDArray[np.uint8]], fps: int, more: Mapping[str, str] | None = None
-) -> bytes:
+def encode_mp4(frames: Iterable[Pixels], fps: int, more: Mapping[str, str] | None = None) -> bytes:
     """Frames (H,W,3) RGB, H and W even, as mp4; b"" without frames."""
     import av  # a tenth of a second
 

@@ -3,7 +3,6 @@
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import (
     AfterValidator,
     BaseModel,
@@ -19,6 +18,7 @@ from pipeline.data.clock import PHYSICS_HZ
 from pipeline.data.imperfections import DriveErrors, Sensors
 from pipeline.data.names import CAMERAS, RETIRED, is_name
 from pipeline.data.parsing import unless
+from pipeline.poses import Floats
 
 from .events import DrawnEvent
 from .visuals import Visuals
@@ -79,7 +79,7 @@ class CameraInfo(_Record):
         return cls(**vars(camera.type), link=camera.link, pose=pose)
 
     def camera(self, name: str) -> Camera:
-        at: NDArray[np.float64] = np.array(self.pose)
+        at: Floats = np.array(self.pose)
         return Camera(name, CameraType(self.width, self.height, self.fovy), self.link, at)
 
 

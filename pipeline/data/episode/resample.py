@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.data.clock import PHYSICS_HZ
-from pipeline.poses import between
+from pipeline.poses import Floats, between
 
 from .state_log import StateLog
 
 
-def frames_at(length: int, fps: int, rate: int) -> NDArray[np.float64]:
+def frames_at(length: int, fps: int, rate: int) -> Floats:
     """The fractional frame indices (N,) at `rate` of a log at `fps`. Raises ValueError if it
     does not divide the physics rate.
     """
@@ -34,10 +34,10 @@ def resample_log(log: StateLog, fps: int, rate: int) -> StateLog:
     at = frames_at(len(log), fps, rate)
     ends = at + fps / rate
 
-    def linear(values: NDArray[Any]) -> NDArray[np.float64]:
+    def linear(values: NDArray[Any]) -> Floats:
         return _linear(values, at)
 
-    def commands(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    def commands(values: Floats) -> Floats:
         return _linear(np.vstack([log.state[:1], values]), ends)
 
     spin, expert, acting = log.target_angular_velocity, log.expert_action, log.intervention
@@ -74,7 +74,7 @@ def _contacts_at(contacts: NDArray[np.void], ratio: Fraction, frames: int) -> ND
     return held[np.unique(held[["frame", "a", "b"]], return_index=True)[1]]
 
 
-def _linear(values: NDArray[Any], at: NDArray[np.float64]) -> NDArray[np.float64]:
+def _linear(values: NDArray[Any], at: Floats) -> Floats:
     """Values (T,...) at places (N,) in frames, constant beyond the last."""
     at = np.minimum(at, len(values) - 1)
     low = np.floor(at).astype(int)

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from pipeline.data.keys import arrays_digest, digest
 from pipeline.data.names import sides_of
 from pipeline.data.spec import EpisodeSpec
-from pipeline.poses import between
+from pipeline.poses import Bools, Floats, between
 
 CONTACT_DTYPE = np.dtype(
     [
@@ -67,28 +67,28 @@ class Touch:
 class StateLog:
     """T frames. Names index the second axis of the arrays beside them; poses xyz + wxyz, world."""
 
-    times: NDArray[np.float64]  # (T,) s
+    times: Floats  # (T,) s
     # objects, links of the arms (side_link), scenery of the motion, "table"
     bodies: tuple[str, ...]
-    poses: NDArray[np.float64]  # (T, B, 7)
+    poses: Floats  # (T, B, 7)
     joints: tuple[str, ...]  # side_joint, jaws included
-    qpos: NDArray[np.float64]  # (T, J) measured, rad or m
-    qvel: NDArray[np.float64]  # (T, J) measured
+    qpos: Floats  # (T, J) measured, rad or m
+    qvel: Floats  # (T, J) measured
     vector_names: tuple[str, ...]
-    state: NDArray[np.float64]  # (T, A) measured vector: arm joints (rad), grippers normalised 0-1
-    action: NDArray[np.float64]  # (T, A) commanded for the interval after the frame
-    tcp: NDArray[np.float64]  # (T, S, 7) measured tcp poses of `sides`
-    target_velocity: NDArray[np.float64]  # (T, 3) m/s of the target's origin, world frame
+    state: Floats  # (T, A) measured vector: arm joints (rad), grippers normalised 0-1
+    action: Floats  # (T, A) commanded for the interval after the frame
+    tcp: Floats  # (T, S, 7) measured tcp poses of `sides`
+    target_velocity: Floats  # (T, 3) m/s of the target's origin, world frame
     contacts: NDArray[np.void]  # CONTACT_DTYPE
     events: list[Event] = field(default_factory=list)
     skills: list[SkillRun] = field(default_factory=list)
     touches: list[Touch] = field(default_factory=list)
     # (T, 3) rad/s, world frame; None in files of earlier versions
-    target_angular_velocity: NDArray[np.float64] | None = None
+    target_angular_velocity: Floats | None = None
     # (T,) whether the expert acts after the frame, where a policy acts first
-    intervention: NDArray[np.bool_] | None = None
+    intervention: Bools | None = None
     # (T, A) what the expert commands, or would command, after the frame
-    expert_action: NDArray[np.float64] | None = None
+    expert_action: Floats | None = None
 
     def __len__(self) -> int:
         return len(self.times)
@@ -98,7 +98,7 @@ class StateLog:
         """The arms: the second axis of `tcp`."""
         return sides_of(self.vector_names)
 
-    def pose(self, body: str) -> NDArray[np.float64]:
+    def pose(self, body: str) -> Floats:
         """Poses (T, 7) of one body."""
         return self.poses[:, self.bodies.index(body)]
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from pipeline.data.actions import rotations_of
 from pipeline.data.cameras import Surfaces
-from pipeline.poses import Floats, quat_conjugate, quat_multiply
+from pipeline.poses import Floats, Floats32, quat_conjugate, quat_multiply
 
 from .events import exchanged
 from .meta import EpisodeMeta
@@ -21,7 +21,7 @@ class BodyFacts:
     if known.
     """
 
-    vertices: NDArray[np.float32]
+    vertices: Floats32
     triangles: NDArray[np.uint32]
     mass: float | None
     friction: float | None
@@ -34,8 +34,8 @@ class WorldTruth:
     bodies: Mapping[str, BodyFacts]
     surfaces: Surfaces
     objects: tuple[str, ...]
-    box: NDArray[np.float32]
-    visible: NDArray[np.float32]
+    box: Floats32
+    visible: Floats32
 
 
 def twists_of(log: StateLog, meta: EpisodeMeta) -> Floats:

@@ -13,6 +13,7 @@ from pipeline.data.atomic import atomic_path
 from pipeline.data.cameras import View, cam2world_gl, extrinsics_cv, intrinsics
 from pipeline.data.keys import canonical
 from pipeline.data.names import SIDES
+from pipeline.poses import Floats32
 
 from .events import by_role
 from .file import ATTEMPTS, FIRST_CONTACT, SCHEMA, Episode
@@ -31,7 +32,7 @@ def write_episode(
     episode: Episode,
     views: list[View],
     images: Sequence[NDArray[np.bytes_]] | None = None,
-    pointcloud: NDArray[np.float32] | None = None,
+    pointcloud: Floats32 | None = None,
 ) -> None:
     """Write one episode atomically. `images`: JPEG frames (T,); `pointcloud` (T,N,6): m in the
     world, RGB 0-1. Raises OSError.

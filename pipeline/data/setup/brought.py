@@ -15,6 +15,7 @@ from pipeline.data.errors import DominoError
 from pipeline.data.parsing import ParseError, Strict, real
 from pipeline.data.process.limited import Limits, run_limited
 from pipeline.data.reading import read_regular
+from pipeline.poses import Floats32, Pixels
 
 KINDS = {"table": 0.6, "wall": 3.0, "floor": 1.5}
 """Folders of textures, and metres that an image covers unless its name tells (`oak@0.8.jpg`)."""
@@ -22,7 +23,7 @@ KINDS = {"table": 0.6, "wall": 3.0, "floor": 1.5}
 SUFFIXES = (".png", ".jpg", ".jpeg", ".webp")
 TEXELS = 512
 
-Textures = dict[str, tuple[tuple[NDArray[np.uint8], float], ...]]
+Textures = dict[str, tuple[tuple[Pixels, float], ...]]
 """Textures (512,512,4) and the metres each covers, by kind."""
 
 MOST_BYTES, MOST_FILES = 2**26, 1000
@@ -79,7 +80,7 @@ def textures_of(brought: Brought) -> Textures:
     return read_unchanged(_read_textures, brought.path, brought.content)
 
 
-def light_of(brought: Brought) -> NDArray[np.float32]:
+def light_of(brought: Brought) -> Floats32:
     """Equirectangular radiance (H,W,3). Raises as `textures_of`."""
     return read_unchanged(_read_light, brought.path, brought.content)
 
@@ -103,7 +104,7 @@ def _read_textures(root: Path) -> tuple[str, Textures]:
         raise BroughtError(f"{root}: is no directory of textures: put {images}")
     total, found = hashlib.sha256(), Textures()
     for kind, paths in files.items():
-        images = list[tuple[NDArray[np.uint8], float]]()
+        images = list[tuple[Pixels, float]]()
         for path in paths:
             data = _bytes(path)
             line = f"{kind}/{path.name}/{hashlib.sha256(data).hexdigest()}\n"
@@ -131,7 +132,7 @@ def _metres(path: Path, kind: str) -> float:
         raise BroughtError(f"{path}: {what}") from error
 
 
-def _read_light(path: Path) -> tuple[str, NDArray[np.float32]]:
+def _read_light(path: Path) -> tuple[str, Floats32]:
     if path.suffix.lower() != ".hdr":
         raise BroughtError(f"{path}: is no .hdr file (Radiance, equirectangular): convert it")
     data = _bytes(path)

@@ -21,6 +21,7 @@ from pipeline.data.reading import read_regular
 from pipeline.data.recipe.cells import Cell, Slot, episode_name
 from pipeline.data.recipe.model import Recipe
 from pipeline.data.store.place import place_of, put
+from pipeline.poses import Bools, Ints
 
 from .records import FileFacts, SlotRecord, untimed
 
@@ -69,12 +70,12 @@ class Rows:
     """
 
     cells: Sequence[Cell]
-    ids: NDArray[np.int64]
-    ranks: NDArray[np.int64]
-    index: NDArray[np.int64]
-    variants: NDArray[np.int64]
-    accepted: NDArray[np.bool_]
-    keys: NDArray[np.int64]
+    ids: Ints
+    ranks: Ints
+    index: Ints
+    variants: Ints
+    accepted: Bools
+    keys: Ints
     texts: dict[int, str] = field(default_factory=dict[int, str])
     more: dict[str, NDArray[Any]] = field(default_factory=dict[str, NDArray[Any]])
 
@@ -127,11 +128,11 @@ class Listing:
                 pass
             self._files.append(files)
 
-    def there(self, rows: Rows) -> NDArray[np.bool_]:
+    def there(self, rows: Rows) -> Bools:
         """Of which rows (N,) the file is there."""
         return np.array([name in self._files[rank] for rank, name in rows.names], bool)
 
-    def states(self, rows: Rows) -> NDArray[np.int64]:
+    def states(self, rows: Rows) -> Ints:
         """Size (bytes) and change time (ns) of rows' files (N,2), -1 if missing. Raises OSError."""
         found = np.full((len(rows), 2), -1, np.int64)
         for number, (rank, name) in enumerate(rows.names):

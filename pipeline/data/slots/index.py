@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from pipeline.data.recipe.cells import Slot
 from pipeline.data.recipe.model import Recipe
+from pipeline.poses import Ints
 
 from .files import Rows
 from .records import (
@@ -203,7 +204,7 @@ class Index(AbstractContextManager["Index"]):
         known = dict(zip(more, others, strict=True))
         return Rows(cells, ids, ranks, index, variants, accepted == 1, keys, texts, known)
 
-    def attempts(self, rows: Rows, *names: str) -> tuple[NDArray[np.int64], list[tuple[Any, ...]]]:
+    def attempts(self, rows: Rows, *names: str) -> tuple[Ints, list[tuple[Any, ...]]]:
         """Columns of all attempts at the slots of some rows: each one's row number (M,), and its
         values.
         """

@@ -15,13 +15,13 @@ from typing import Any, Literal, get_args, get_origin, get_type_hints
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
-from numpy.typing import NDArray
 
 from pipeline.data.episode.file import EpisodeFile
 from pipeline.data.episode.meta import EpisodeMeta
 from pipeline.data.errors import DominoError
 from pipeline.data.parsing import ParseError, real, show_value, whole
 from pipeline.data.spec import EpisodeSpec
+from pipeline.poses import Bools
 
 from .records import PLACE
 
@@ -118,7 +118,7 @@ def columns_of(
     }
 
 
-def select_rows(rows: Sequence[Mapping[str, Any]], where: pc.Expression) -> NDArray[np.bool_]:
+def select_rows(rows: Sequence[Mapping[str, Any]], where: pc.Expression) -> Bools:
     """Which (N,) of the episodes with these columns an expression selects."""
     table = pa.Table.from_pylist([*map(dict, rows)], _SCHEMA).append_column(
         "row", pa.array(range(len(rows)))

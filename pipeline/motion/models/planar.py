@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.poses import Floats
+from pipeline.poses import Bools, Floats
 
 from ..contract import (
     MotionRequest,
@@ -77,7 +77,7 @@ def judge_places(paths: DrawnPaths, asked: MotionRequest) -> NDArray[np.object_]
     return reasons
 
 
-def _first_reasons(checks: dict[str, NDArray[np.bool_]]) -> NDArray[np.object_]:
+def _first_reasons(checks: dict[str, Bools]) -> NDArray[np.object_]:
     reasons = np.full(len(next(iter(checks.values()))), "", dtype=object)
     for reason in (r for r in reversed(REASONS) if r in checks):
         reasons[~np.asarray(checks[reason])] = reason

@@ -2,8 +2,11 @@
 
 import cv2
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from pipeline.poses import Pixels
+
+from .compiled import compiled
 
 LEAST = 32  # smallest step of brightness, 0-255, that counts as an edge
 SHARE = 8  # and the edge is at least a so-manieth of the brightest pixel around
@@ -13,7 +16,7 @@ LENS = 6  # shares of its own light that a pixel keeps, of two more that it gets
 CROSS = cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3))
 
 
-def smoothed(image: NDArray[np.uint8], out: NDArray[np.uint8]) -> None:
+def smoothed(image: Pixels, out: Pixels) -> None:
     """Blend the jagged edges of `image` (H,W,4) to `out` (H,W,3): a pixel takes a share of the one
     across, by its place along the edge."""
     cv2.cvtColor(image, cv2.COLOR_RGBA2RGB, dst=out)
@@ -27,8 +30,8 @@ def smoothed(image: NDArray[np.uint8], out: NDArray[np.uint8]) -> None:
     _blend(image, luma, step, (edge, edge.view(np.uint64)), out)
 
 
-@njit(cache=True, error_model="numpy")
-def through_lens(image: NDArray[np.uint8], out: NDArray[np.uint8]) -> None:
+@compiled
+def through_lens(image: Pixels, out: Pixels) -> None:
     """Spread each pixel's light a little, from `image` (H,W,3) to `out`."""
     height, width = image.shape[0], 3 * image.shape[1]
     rows, spread = image.reshape(height, width), out.reshape(height, width)
@@ -46,13 +49,13 @@ def through_lens(image: NDArray[np.uint8], out: NDArray[np.uint8]) -> None:
             ) // np.uint16((LENS + 2) ** 2)
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _blend(
-    image: NDArray[np.uint8],
-    luma: NDArray[np.uint8],
-    steps: NDArray[np.uint8],
-    edges: tuple[NDArray[np.uint8], NDArray[np.uint64]],
-    out: NDArray[np.uint8],
+    image: Pixels,
+    luma: Pixels,
+    steps: Pixels,
+    edges: tuple[Pixels, NDArray[np.uint64]],
+    out: Pixels,
 ) -> None:
     """Blend pixels where the first of `edges` is not 0; the second is the same in words of
     eight."""
@@ -101,9 +104,9 @@ def _blend(
                     ) >> 8
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _end(
-    luma: NDArray[np.uint8], p: int, stride: int, steps: int, edge: tuple[int, np.int32, np.int32]
+    luma: Pixels, p: int, stride: int, steps: int, edge: tuple[int, np.int32, np.int32]
 ) -> tuple[int, np.int32]:
     """Steps of `stride` to an edge's end, at most `steps`, and its brightness difference (0:
     unknown). `edge` is the offset across, twice its brightness, and the slope."""

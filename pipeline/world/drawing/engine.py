@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pipeline.data.cameras import CameraType
 from pipeline.data.episode.visuals import Visuals
-from pipeline.poses import Floats, Pose
+from pipeline.poses import Floats, Floats32, Pose
 from pipeline.world.shapes import Material, Mesh, Parts, linear, merge
 
 from .masks import Depths, Masks
@@ -80,7 +80,7 @@ def packed(parts: Parts) -> list[tuple[Mesh, Material]]:
     ]
 
 
-def material_uv(material: Material) -> NDArray[np.float32]:
+def material_uv(material: Material) -> Floats32:
     """A uv pair (2,): colour as 0xRRGGBB, PLAIN - (roughness * 256 + metallic), 8 bits each."""
     r, g, b, roughness, metallic = np.rint(
         np.clip([*material.color, material.roughness, material.metallic], 0, 1) * 255
@@ -314,7 +314,7 @@ def component(sapien: Any, parts: Parts, stock: bool, levels: int = 4) -> Any:
     return body
 
 
-def millimetres(depth_buffer: NDArray[np.float32]) -> NDArray[np.uint16]:
+def millimetres(depth_buffer: Floats32) -> NDArray[np.uint16]:
     """Depth buffer (H,W) 0-1 -> mm along the viewing axis, 0 for the background."""
     d = depth_buffer.astype(np.float64)
     z = NEAR * FAR / (FAR - d * (FAR - NEAR))

@@ -4,12 +4,14 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numba import njit
-from numpy.typing import NDArray
 
-Depths = NDArray[np.float32]
-Masks = NDArray[np.uint8]
-Blocks = NDArray[np.bool_]
+from pipeline.poses import Bools, Floats32, Pixels
+
+from .compiled import compiled
+
+Depths = Floats32
+Masks = Pixels
+Blocks = Bools
 Area = tuple[slice, slice]
 ALL: Area = (slice(None), slice(None))
 BLOCK = 8  # texels a side of what changes between frames are told by
@@ -95,7 +97,7 @@ def _within(part: Area, source: Area) -> Area:
     return rows, columns
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _above(depths: Depths, table: Depths, depth: float, out: tuple[Masks, Masks, Masks]) -> None:
     """For every texel, 0-255: whether a body blocks the sun, its height, and the room light it
     takes."""
@@ -111,7 +113,7 @@ def _above(depths: Depths, table: Depths, depth: float, out: tuple[Masks, Masks,
             contact[y, x] = near * np.float32(255 * DARKEST) if gap > below else 0
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _mix(
     shadows: tuple[Masks, Masks, Masks], height: Masks, contact: tuple[Masks, Masks], out: Masks
 ) -> None:
@@ -141,9 +143,9 @@ def _bordered(light: Masks) -> Masks:
     return light
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def compare(
-    different: NDArray[np.bool_], before: Masks, now: Masks, corner: tuple[int, int], out: Blocks
+    different: Bools, before: Masks, now: Masks, corner: tuple[int, int], out: Blocks
 ) -> None:
     """Blocks (3,M,M) of changed light on table, on floor, and changed depths; `before` starts at
     `corner`."""

@@ -4,10 +4,10 @@ from collections.abc import Callable
 
 import cv2
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from pipeline.data.cameras import CameraType
-from pipeline.poses import Floats, compose, inverse, quat_rotate, quat_to_matrix
+from pipeline.poses import Bools, Floats, compose, inverse, quat_rotate, quat_to_matrix
 from pipeline.world.physics.body import TABLE_THICKNESS, TABLE_TOP
 
 from .engine import FAR, NEAR
@@ -28,7 +28,7 @@ def in_view(
     bodies: Floats,
     centres: Floats,
     halves: Floats,
-) -> NDArray[np.bool_]:
+) -> Bools:
     """Whether each body may be seen (T,N): never False for one with a pixel. `camera` (T,7), x
     forward, and `bodies` (T,N,7) are world poses; `centres` and `halves` (N,3) m bound the bodies
     in their frames."""

@@ -7,14 +7,15 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numba import njit
 from numpy.random import Generator
 from numpy.typing import ArrayLike, NDArray
 
 from pipeline.data.cameras import CameraType, View, intrinsics
 from pipeline.data.imperfections import Sensors
-from pipeline.poses import Floats, between, quat_rotate
+from pipeline.poses import Floats, Floats32, Ints, Pixels, between, quat_rotate
 from pipeline.world.physics.body import TABLE_HALF, TABLE_TOP
+
+from .compiled import compiled
 
 POINTS = 1024
 ABOVE, HIGHEST = 0.005, 1.0
@@ -24,7 +25,7 @@ COLUMNS = 320
 """About how many columns of an image are read."""
 
 
-def point_clouds(view: View, count: int = POINTS) -> NDArray[np.float32]:
+def point_clouds(view: View, count: int = POINTS) -> Floats32:
     """Clouds (T,count,6): x y z (m, world) and r g b (0-1) on or over the table, by farthest point
     sampling. The first k points are the sample of size k; too few pixels are repeated, none give
     zeros."""
@@ -57,8 +58,8 @@ def rays(kind: CameraType) -> Floats:
     return np.stack(np.broadcast_arrays(1.0, left, up), -1)
 
 
-@njit(cache=True, error_model="numpy")
-def farthest_points(points: NDArray[np.float32], count: int) -> NDArray[np.int64]:
+@compiled
+def farthest_points(points: Floats32, count: int) -> Ints:
     """Indices (count,) of points (N,3), N >= count: the first, then each time the farthest from all
     taken."""
     x, y = np.ascontiguousarray(points[:, 0]), np.ascontiguousarray(points[:, 1])
@@ -115,7 +116,7 @@ class Sensing:
         """Exposure time in frames."""
         return self.sensors.motion_blur * self.fps / 1000
 
-    def drift(self, camera: str, frame: int) -> NDArray[np.float32]:
+    def drift(self, camera: str, frame: int) -> Floats32:
         """Factors (3,) of red, green and blue light: exposure varies by up to the drift, red
         against blue by half."""
         knot, between = divmod(frame / (KNOTS * self.fps), 1.0)
@@ -127,7 +128,7 @@ class Sensing:
             (1 + exposure) * np.array([1 + warmth / 2, 1, 1 - warmth / 2]), np.float32
         )
 
-    def developed(self, camera: str, frame: int, light: NDArray[np.float32]) -> NDArray[np.uint8]:
+    def developed(self, camera: str, frame: int, light: Floats32) -> Pixels:
         """The image of light (H,W,3). The variance of light L is L g / W + (r g / W)^2 with gain g,
         full well W and read noise r."""
         if self.sensors.drift:

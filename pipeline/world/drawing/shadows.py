@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from pipeline.data.episode.visuals import FIRST_LOOK, LOOK, SECOND_LOOK, THIRD_LOOK, Visuals
-from pipeline.poses import Floats, Pose
+from pipeline.poses import Floats, Floats32, Pose
 from pipeline.world.physics.body import TABLE_HALF, TABLE_THICKNESS, TABLE_TOP
 from pipeline.world.shapes import Mesh, Parts, merge
 
@@ -209,7 +209,7 @@ def table_window(direction: ArrayLike) -> tuple[slice, slice]:
     return rows, columns
 
 
-def plane_depths(height: float, direction: ArrayLike) -> NDArray[np.float32]:
+def plane_depths(height: float, direction: ArrayLike) -> Floats32:
     """Depth (SHADOW_MAP, SHADOW_MAP), at most 1, of light meeting z = `height` (m); 0: never."""
     right, up, forward = sun_axes(direction)[:, 2]
     across = ((np.arange(SHADOW_MAP) + 0.5) / SHADOW_MAP * 2 - 1) * SHADOW_HALF_SIZE

@@ -5,17 +5,26 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
-from numpy.typing import NDArray
 
 from pipeline.data.cameras import CameraType, extrinsics_cv, intrinsics
-from pipeline.poses import IDENTITY, Floats, compose, inverse, matrix, pose, quat_from_matrix
+from pipeline.poses import (
+    IDENTITY,
+    Floats,
+    Floats32,
+    Ints,
+    compose,
+    inverse,
+    matrix,
+    pose,
+    quat_from_matrix,
+)
 from pipeline.world.shapes import Parts
 
+from .compiled import compiled
 from .engine import NEAR
 from .software.raster import solids_of
 
-type Triangles = tuple[Floats, NDArray[np.int64], NDArray[np.int64]]
+type Triangles = tuple[Floats, Ints, Ints]
 """Vertices, owner and triangles of `Occluders`."""
 
 type Lens = tuple[float, float, float, float]
@@ -36,10 +45,10 @@ class Occluders:
 
     names: tuple[str, ...]
     vertices: Floats
-    owner: NDArray[np.int64]
-    triangles: NDArray[np.int64]
-    spans: NDArray[np.int64]
-    corners: NDArray[np.int64]
+    owner: Ints
+    triangles: Ints
+    spans: Ints
+    corners: Ints
 
 
 def occluders_of(bodies: Mapping[str, Parts], fixed: Parts) -> Occluders:
@@ -76,9 +85,9 @@ class BodyTracks:
     is the share in the image and not occluded, of the silhouette up to one image beyond each
     border. `pose` (T,N,7) is in the camera frame, x right, y down, z forward."""
 
-    box: NDArray[np.float32]
-    centre: NDArray[np.float32]
-    visible: NDArray[np.float32]
+    box: Floats32
+    centre: Floats32
+    visible: Floats32
     pose: Floats
 
 
@@ -112,15 +121,15 @@ def track_bodies(
     )
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _track(
     solids: Triangles,
-    spans: NDArray[np.int64],
+    spans: Ints,
     matrices: Floats,
-    index: NDArray[np.int64],
+    index: Ints,
     lens: Lens,
     size: tuple[int, int],
-) -> tuple[Floats, NDArray[np.int64]]:
+) -> tuple[Floats, Ints]:
     """Boxes (T,N,4) and sampled pixels (T,N,2) of whole and visible silhouettes, in images of a
     width and height."""
     vertices, owner, triangles = solids
@@ -176,7 +185,7 @@ def _track(
     return boxes, pixels
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def project(solids: Triangles, matrices: Floats, lens: Lens, seen: Floats, flat: Floats) -> None:
     """Vertices in the camera's frame into `seen` (V,3); pixels of those beyond the near plane into
     `flat` (V,2)."""
@@ -191,8 +200,8 @@ def project(solids: Triangles, matrices: Floats, lens: Lens, seen: Floats, flat:
             flat[v, 0], flat[v, 1] = f * seen[v, 0] / z + cx, f * seen[v, 1] / z + cy
 
 
-@njit(cache=True, error_model="numpy")
-def _cut(seen: Floats, flat: Floats, triangle: NDArray[np.int64], lens: Lens, out: Floats) -> int:
+@compiled
+def _cut(seen: Floats, flat: Floats, triangle: Ints, lens: Lens, out: Floats) -> int:
     """How many corners a triangle has beyond the near plane; their pixels and depths into `out`
     (4,3)."""
     f, cx, cy, near = lens
@@ -211,9 +220,9 @@ def _cut(seen: Floats, flat: Floats, triangle: NDArray[np.int64], lens: Lens, ou
     return size
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _box(
-    seen: Floats, flat: Floats, triangles: NDArray[np.int64], lens: Lens
+    seen: Floats, flat: Floats, triangles: Ints, lens: Lens
 ) -> tuple[float, float, float, float]:
     """Left, top, right, bottom of triangles beyond the near plane; left > right: none."""
     left, top, right, bottom = np.inf, np.inf, -np.inf, -np.inf
@@ -225,15 +234,15 @@ def _box(
     return left, top, right, bottom
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def draw(
     seen: Floats,
     flat: Floats,
-    triangles: NDArray[np.int64],
+    triangles: Ints,
     lens: Lens,
     place: tuple[int, int, int],
     depths: Floats,
-    drawn: NDArray[np.int64],
+    drawn: Ints,
 ) -> None:
     """Draw triangles into depths (h,w), the nearest's row into `drawn` (h,w). An entry is the
     middle of `grid` by `grid` pixels; `place` is x0, y0, grid."""
@@ -250,13 +259,13 @@ def draw(
             _fill(corners, (0, i, i + 1), k, depths, drawn)
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _fill(
     corners: Floats,
     chosen: tuple[int, int, int],
     number: int,
     depths: Floats,
-    drawn: NDArray[np.int64],
+    drawn: Ints,
 ) -> None:
     """Draw one triangle by corners (3,) of column, row and depth, unless it turns its back."""
     a, b, c = corners[chosen[0]], corners[chosen[1]], corners[chosen[2]]

@@ -7,11 +7,13 @@ from dataclasses import dataclass, field, replace
 from functools import lru_cache
 
 import numpy as np
-from numba import njit
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from pipeline.data.cameras import CameraType
+from pipeline.poses import Bools, Floats, Floats32, Ints, Pixels
 from pipeline.world.shapes import Material, Mesh, Parts, merge, quads
+
+from .compiled import compiled
 
 CELLS = 44  # along the longest side of a body
 CELL = (0.0015, 0.012)  # m, smallest and largest
@@ -19,8 +21,8 @@ REACH = 0.12  # m
 RAYS = 40
 LEAST = 0.3  # share of light that the deepest corner keeps: light that was scattered more than once
 
-Grid = NDArray[np.bool_]
-Points = NDArray[np.float64]
+Grid = Bools
+Points = Floats
 
 
 @dataclass(frozen=True)
@@ -48,7 +50,7 @@ def opened(parts: Parts) -> Parts:
 
 
 @lru_cache(maxsize=256)
-def _shares(body: _Body) -> tuple[NDArray[np.float32], ...]:
+def _shares(body: _Body) -> tuple[Floats32, ...]:
     """Light share (N,) of each mesh's vertices; cached because robots return every episode."""
     points = [mesh.vertices.astype(float) for mesh, _ in body.parts]
     every = np.concatenate(points)
@@ -74,10 +76,8 @@ def sphere(count: int) -> Points:
     return np.stack([np.sqrt(1 - z * z) * np.cos(turn), np.sqrt(1 - z * z) * np.sin(turn), z], 1)
 
 
-@njit(cache=True, error_model="numpy")
-def _fill(
-    grid: Grid, points: Points, triangles: NDArray[np.int64], lower: Points, cell: float
-) -> None:
+@compiled
+def _fill(grid: Grid, points: Points, triangles: Ints, lower: Points, cell: float) -> None:
     """Mark the cells that triangles pass through."""
     for a, b, c in triangles:
         u, v = points[b] - points[a], points[c] - points[a]
@@ -91,7 +91,7 @@ def _fill(
                 grid[int(at[0]), int(at[1]), int(at[2])] = True
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _open(
     grid: Grid,
     points: Points,
@@ -100,7 +100,7 @@ def _open(
     cell: float,
     rays: Points,
     reach: float,
-) -> NDArray[np.float32]:
+) -> Floats32:
     """Share of light (N,) around each normal, weighted by cosine and nearness."""
     out = np.ones(len(points), np.float32)
     nx, ny, nz = grid.shape
@@ -172,9 +172,7 @@ def prepared(name: str, parts: Parts, kind: CameraType) -> Parts:
     ]
 
 
-def plane_texture(
-    name: str, mesh: Mesh, material: Material, kind: CameraType
-) -> NDArray[np.uint8] | None:
+def plane_texture(name: str, mesh: Mesh, material: Material, kind: CameraType) -> Pixels | None:
     """A plane's texture, no finer than such a camera sees."""
     if (image := material.texture) is None:
         return None
@@ -204,7 +202,7 @@ def grid(mesh: Mesh, cell: float) -> Mesh:
     return merge(pieces)
 
 
-def texture_level(mesh: Mesh, texture: NDArray[np.uint8], pixel: float) -> int:
+def texture_level(mesh: Mesh, texture: Pixels, pixel: float) -> int:
     """How often to halve a texture so that a texel is about a `pixel` (m)."""
     if mesh.uvs is None:
         return 0
@@ -214,7 +212,7 @@ def texture_level(mesh: Mesh, texture: NDArray[np.uint8], pixel: float) -> int:
     return int(np.clip(np.rint(np.log2(pixel / texel)), 0, MAX_LEVEL))
 
 
-def halved(texture: NDArray[np.uint8], times: int) -> NDArray[np.uint8]:
+def halved(texture: Pixels, times: int) -> Pixels:
     """Average 2x2 texels, `times` or until a side is odd."""
     for _ in range(times):
         h, w = texture.shape[:2]

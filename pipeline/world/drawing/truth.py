@@ -4,12 +4,11 @@ rounding."""
 from collections.abc import Mapping
 
 import numpy as np
-from numba import njit
-from numpy.typing import NDArray
 
 from pipeline.data.cameras import Camera, Surfaces, intrinsics, world_poses
-from pipeline.poses import Floats
+from pipeline.poses import Floats, Floats32, Pixels
 
+from .compiled import compiled
 from .engine import NEAR
 from .silhouettes import Lens, Occluders, Triangles, draw, in_camera, project
 
@@ -42,13 +41,13 @@ def surfaces_of(solids: Occluders, poses: Mapping[str, Floats], camera: Camera) 
     return found
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _look(
     solids: Triangles,
     matrices: Floats,
     lens: Lens,
-    labels: NDArray[np.uint8],
-    out: tuple[NDArray[np.float32], NDArray[np.uint8], NDArray[np.float32]],
+    labels: Pixels,
+    out: tuple[Floats32, Pixels, Floats32],
 ) -> None:
     """Depth, body and normal of each pixel into `out`."""
     vertices, owner, triangles = solids

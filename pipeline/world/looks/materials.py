@@ -14,6 +14,7 @@ from numpy.random import Generator
 from numpy.typing import ArrayLike, NDArray
 
 from pipeline.data.slots.assets import AssetError, AssetStore
+from pipeline.poses import Pixels
 from pipeline.world.shapes import Material, Mesh, Parts, TextureSource
 
 from .prints import PRINTS, Triple, handled, printing
@@ -232,8 +233,8 @@ def load_parts(store: AssetStore, key: str) -> Parts:
 
 
 def _texture(
-    store: AssetStore, key: str, texture: dict[str, Any] | None, pixels: NDArray[np.uint8] | None
-) -> tuple[NDArray[np.uint8] | None, TextureSource | None]:
+    store: AssetStore, key: str, texture: dict[str, Any] | None, pixels: Pixels | None
+) -> tuple[Pixels | None, TextureSource | None]:
     if texture is None or texture["kind"] == "pixels":
         return pixels, None
     source = TextureSource(texture["kind"], _tuples(texture["arguments"]))
@@ -246,7 +247,7 @@ def _texture(
     return made, source
 
 
-def _pixel_hash(pixels: NDArray[np.uint8]) -> str:
+def _pixel_hash(pixels: Pixels) -> str:
     return hashlib.sha256(np.ascontiguousarray(pixels)).hexdigest()[:32]
 
 

@@ -6,7 +6,9 @@ from collections.abc import Callable
 import cv2
 import numpy as np
 from numpy.random import Generator
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
+
+from pipeline.poses import Floats32
 
 from .textures import (
     Field,
@@ -22,7 +24,7 @@ from .textures import (
 )
 
 STRANDS = 8  # of a tile of wicker, both ways
-Colour = NDArray[np.float32]
+Colour = Floats32
 
 
 def toned(colour: Colour, tone: Field) -> Field:

@@ -9,7 +9,9 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import ArrayLike, NDArray
 
-Rgba = NDArray[np.uint8]
+from pipeline.poses import Floats, Pixels
+
+Rgba = Pixels
 Field = NDArray[np.floating]
 
 
@@ -66,7 +68,7 @@ def rgba(colour: Field) -> Rgba:
     return out
 
 
-def shade(colour: ArrayLike, factor: float) -> NDArray[np.float64]:
+def shade(colour: ArrayLike, factor: float) -> Floats:
     return np.clip(np.asarray(colour, float) * factor, 0.0, 1.0)
 
 

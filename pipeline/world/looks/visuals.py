@@ -5,10 +5,9 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.random import Generator
-from numpy.typing import NDArray
 
 from pipeline.data.episode.visuals import LOOK, PointLight, Surface, Triple, Visuals
-from pipeline.poses import Floats
+from pipeline.poses import Floats, Floats32
 
 from .tabletops import TABLETOPS
 from .textures import Rgba
@@ -110,7 +109,7 @@ def with_textures(
     return replace(visuals, **changed)
 
 
-def lit_by(visuals: Visuals, radiance: NDArray[np.float32]) -> Visuals:
+def lit_by(visuals: Visuals, radiance: Floats32) -> Visuals:
     """Light from an equirectangular image (H,W,3), its middle away from the robot: its brightest
     hundredth above the table is directional, the rest ambient, as bright as in the clean room."""
     toward, solid = _directions(*radiance.shape[:2])

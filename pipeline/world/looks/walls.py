@@ -7,7 +7,9 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 from numpy.random import Generator
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
+
+from pipeline.poses import Floats32
 
 from .textures import BASIC, Rgba, by_name, fractal, rgba
 
@@ -24,7 +26,7 @@ OAK, STEEL, GLASS = (0.68, 0.53, 0.38), (0.62, 0.63, 0.65), (0.86, 0.92, 0.97)
 class Wall:
     """A drawing on `canvas` (N,N,3), sRGB 0-1, whose row 0 is the floor."""
 
-    canvas: NDArray[np.float32]
+    canvas: Floats32
     rng: Generator
 
     def block(
@@ -80,7 +82,7 @@ class Wall:
         self.block(left - 0.08, low - 0.09, width + 0.16, 0.04, (0.88, 0.88, 0.86))
         self.shadow(left - 0.08, low - 0.16, width + 0.16, 0.07)
 
-    def _area(self, left: float, low: float, width: float, height: float) -> NDArray[np.float32]:
+    def _area(self, left: float, low: float, width: float, height: float) -> Floats32:
         sides = np.clip((left, left + width, low, low + height), 0, SPAN).tolist()
         x0, x1, y0, y1 = (round(v * len(self.canvas) / SPAN) for v in sides)
         return self.canvas[y0:y1, x0:x1]
@@ -93,7 +95,7 @@ def _plaster(rng: Generator, size: int, colour: ArrayLike) -> Wall:
     return Wall((np.asarray(colour, np.float32) * tone).astype(np.float32), rng)
 
 
-def _out_of_focus(canvas: NDArray[np.float32], blur: float = 2.0) -> Rgba:
+def _out_of_focus(canvas: Floats32, blur: float = 2.0) -> Rgba:
     """The wall out of focus, with light pooling."""
     rng = np.random.Generator(np.random.Philox(len(canvas)))
     wide = np.pad(canvas, ((8, 8), (8, 8), (0, 0)), mode="wrap")

@@ -9,10 +9,10 @@ from urllib.parse import unquote
 import numpy as np
 from lxml import etree
 
-from pipeline.poses import Floats, matrix, pose, quat_about
+from pipeline.poses import Floats, Ints, matrix, pose, quat_about
 
 from .files import find_or_note, parse_xml, pixels, read_bytes
-from .part import Ints, MeshError, MeshFile, MeshLook, Part
+from .part import MeshError, MeshFile, MeshLook, Part
 
 DEEPEST = 100  # instances of nodes inside each other
 MOST = 20_000  # placed geometries

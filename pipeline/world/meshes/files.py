@@ -11,9 +11,9 @@ from urllib.parse import unquote
 
 import numpy as np
 from lxml import etree
-from numpy.typing import NDArray
 
 from pipeline.data.reading import read_regular
+from pipeline.poses import Pixels
 
 from .part import MeshError
 
@@ -99,7 +99,7 @@ def parse_xml(data: bytes) -> Any:
     return root
 
 
-def pixels(data: bytes) -> NDArray[np.uint8]:
+def pixels(data: bytes) -> Pixels:
     """Image (H,W,4) sRGB, at most TEXTURE long. Raises MeshError."""
     from PIL import Image  # takes longer than a robot without textures
 

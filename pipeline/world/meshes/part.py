@@ -5,13 +5,11 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.data.errors import DominoError
-from pipeline.poses import Floats
+from pipeline.poses import Floats, Ints, Pixels
 from pipeline.world.shapes import linear, srgb_of
 
-type Ints = NDArray[np.int64]
 type Color = tuple[float, float, float]
 
 
@@ -23,7 +21,7 @@ class MeshLook(NamedTuple):
     """The sRGB color 0-1 of a surface, and a texture (H,W,4) uint8 that replaces it."""
 
     color: Color | None = None
-    texture: NDArray[np.uint8] | None = None
+    texture: Pixels | None = None
 
 
 NOTHING = MeshLook()
@@ -104,7 +102,7 @@ def srgb(light: Floats) -> Floats:
     return srgb_of(np.clip(light, 0, 1))
 
 
-def tinted(image: NDArray[np.uint8], color: Floats) -> NDArray[np.uint8]:
+def tinted(image: Pixels, color: Floats) -> Pixels:
     """A texture (H,W,4) times sRGB (3,), in linear light."""
     if np.allclose(color, 1):
         return image

@@ -10,7 +10,7 @@ import trimesh
 from scipy.spatial import KDTree
 
 from pipeline.data.errors import DominoError
-from pipeline.poses import Floats
+from pipeline.poses import Floats, Ints
 from pipeline.world.objects.surface import area_vectors, finish
 from pipeline.world.shapes import Material, Mesh, Parts
 
@@ -18,7 +18,7 @@ from .dae import read_dae
 from .files import MAX_TRIANGLES, read_bytes
 from .gltf import read_gltf
 from .obj import read_obj
-from .part import Ints, MeshError, MeshFile, Part, joined, painted, stacked
+from .part import MeshError, MeshFile, Part, joined, painted, stacked
 
 PLAIN = (0.8, 0.8, 0.8)
 CREASE = 40.0

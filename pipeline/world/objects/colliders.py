@@ -4,9 +4,9 @@ from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from pipeline.poses import pose, quat_about, quat_from_matrix, quat_multiply
+from pipeline.poses import Floats, pose, quat_about, quat_from_matrix, quat_multiply
 from pipeline.world.shapes import Collider
 
 Colliders = tuple[Collider, ...]
@@ -76,7 +76,7 @@ def twelve_sided(outline: Sequence[tuple[float, float]]) -> list[tuple[float, fl
     return [(r * np.cos(a), r * np.sin(a), z) for r, z in outline for a in turns]
 
 
-def prism_collider(outline: NDArray[np.float64], half: float) -> Colliders:
+def prism_collider(outline: Floats, half: float) -> Colliders:
     """Hull of a prism over (x, z) (K,2), between y = -`half` and `half`."""
     sides = [np.insert(outline, 1, y, axis=1) for y in (-half, half)]
     return convex_collider(np.concatenate(sides))

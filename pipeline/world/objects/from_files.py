@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Annotated, ClassVar, Self
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import AfterValidator, Field
 from scipy.spatial import ConvexHull, QhullError
 
@@ -15,7 +14,7 @@ from pipeline.data.errors import DominoError
 from pipeline.data.names import is_name
 from pipeline.data.parsing import LARGEST_FILE
 from pipeline.data.reading import read_regular
-from pipeline.poses import IDENTITY
+from pipeline.poses import IDENTITY, Floats
 from pipeline.world.files import Table, read_glb, read_toml
 from pipeline.world.shapes import Collider, Parts, Shape
 
@@ -166,7 +165,7 @@ def read_solid(file: Path) -> tuple[Collider, ...]:
         raise ObjectError(f"{file}: not readable as collision pieces ({why})") from error
 
 
-def piece(points: NDArray[np.float64]) -> Collider:
+def piece(points: Floats) -> Collider:
     """Hull of points (N,3) m. Raises ValueError and QhullError."""
     if not np.isfinite(points).all():
         raise ValueError("a corner is not finite")

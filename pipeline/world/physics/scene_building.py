@@ -16,7 +16,7 @@ from sapien.physx import (
 
 from pipeline.data.clock import PHYSICS_HZ
 from pipeline.motion.scenery import Prop
-from pipeline.poses import Floats, Pose, compose, frame, inverse
+from pipeline.poses import Floats, Floats32, Pose, compose, frame, inverse
 from pipeline.world.robots.contract import (
     Embodiment,
 )
@@ -174,7 +174,7 @@ class PhysicsScene:
         self.steps, self._stood = 0, math.inf
         self._read: Contacts | None = None
         self._last: Contacts | None = None
-        self._before: tuple[sapien.Pose, list[NDArray[np.float32]]] | None = None
+        self._before: tuple[sapien.Pose, list[Floats32]] | None = None
         self._scene = sapien.Scene([sapien.physx.PhysxCpuSystem()])
         self._scene.set_timestep(1.0 / PHYSICS_HZ)
         self._table = add_table(self._scene)

@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 import trimesh
 
-from pipeline.poses import Floats, transform
-from pipeline.world.meshes.part import Ints, MeshError, Part, stacked
+from pipeline.poses import Floats, Ints, transform
+from pipeline.world.meshes.part import MeshError, Part, stacked
 from pipeline.world.meshes.reader import PLAIN, drawn, read_mesh
 from pipeline.world.objects.surface import area_vectors
 from pipeline.world.shapes import Parts

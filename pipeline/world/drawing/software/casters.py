@@ -3,15 +3,14 @@
 from collections.abc import Mapping, Set
 
 import numpy as np
-from numpy.typing import NDArray
 
-from pipeline.poses import IDENTITY, Floats, Pose
+from pipeline.poses import IDENTITY, Floats, Floats32, Ints, Pixels, Pose
 from pipeline.world.shapes import Mesh
 
 from .changes import surrounding
 from .kernels import kernel
 from .light import NEAREST, Sunlight
-from .raster import Floats32, Ids, Solids, joined, solids_of
+from .raster import Ids, Solids, joined, solids_of
 
 
 class SoftwareCasters:
@@ -24,7 +23,7 @@ class SoftwareCasters:
         fixed: Mesh | None,
         move: Floats,
         depths: Floats32,
-        masks: NDArray[np.uint8],
+        masks: Pixels,
     ) -> None:
         meshes = [*moving.values(), *([] if fixed is None else [fixed])]
         self._order = {name: k for k, name in enumerate(moving)}
@@ -37,7 +36,7 @@ class SoftwareCasters:
         self.sunlight = Sunlight(depths.copy(), around[0], around[1], flat, words, drawn)
         self.upload(depths, masks)
 
-    def upload(self, depths: Floats32, masks: NDArray[np.uint8]) -> None:
+    def upload(self, depths: Floats32, masks: Pixels) -> None:
         """Look shadows up in these depths; the masks are those given at first."""
         np.copyto(self.sunlight.depths, depths)
         surrounding(self.sunlight.depths, self.sunlight.least, self.sunlight.most)
@@ -64,9 +63,9 @@ class SoftwareCasters:
 @kernel
 def fill_depths(
     solids: Solids,
-    shown: NDArray[np.int64],
-    poses: NDArray[np.float64],
-    view: NDArray[np.float64],
+    shown: Ints,
+    poses: Floats,
+    view: Floats,
     depths: Floats32,
 ) -> None:
     """Least depth (N,N) of triangles that are turned away from the light, of the bodies that are

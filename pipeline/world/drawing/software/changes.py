@@ -6,9 +6,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.poses import Bools, Floats32, Ints
+
 from .kernels import kernel
 from .light import NEAREST
-from .raster import Floats32, Frame, Ids
+from .raster import Frame, Ids
 
 AROUND = np.ones((3, 3), np.uint8)
 
@@ -19,8 +21,8 @@ class Stale(NamedTuple):
 
     everything: bool
     before: Ids
-    moved: NDArray[np.bool_]
-    changed: NDArray[np.bool_]
+    moved: Bools
+    changed: Bools
 
 
 @kernel
@@ -31,7 +33,7 @@ def sort_stale(
     body: NDArray[np.uint16],
     planes: Floats32,
     out: Ids,
-) -> NDArray[np.int64]:
+) -> Ints:
     """Pixels to be shaded into `out` (2+Q,H*W), by what they show: nothing, bodies, each plane.
     Their numbers (2+Q,)."""
     ids, before, every = frame.ids, stale.before, stale.everything

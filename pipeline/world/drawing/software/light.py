@@ -6,11 +6,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.poses import Floats32, Pixels
 from pipeline.world.physics.body import TABLE_TOP
 
 from ..masks import BLOCK
 from .kernels import kernel
-from .raster import Floats32, Ids, Lens
+from .raster import Ids, Lens
 
 F, I32, U = np.float32, np.int32, np.uint32
 NEAREST = 4  # texels a side of what `surrounding` tells the depths of
@@ -68,7 +69,7 @@ class Sunlight(NamedTuple):
 class Canvas(NamedTuple):
     """An image (H*W,4), and the block of the maps that each pixel was lit from (H*W,)."""
 
-    image: NDArray[np.uint8]
+    image: Pixels
     blocks: NDArray[np.uint16]
 
 

@@ -2,6 +2,8 @@
 
 import numpy as np
 
+from pipeline.poses import Floats32
+
 from .kernels import kernel
 from .light import (
     ARRIVES,
@@ -57,7 +59,7 @@ from .light import (
     place_pixels,
     write,
 )
-from .raster import Floats32, Frame, Ids, Lens
+from .raster import Frame, Ids, Lens
 from .texels import level_of, sampled, square
 
 

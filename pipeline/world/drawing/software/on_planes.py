@@ -3,6 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.poses import Floats32
+
 from .kernels import kernel
 from .light import (
     ARRIVES,
@@ -46,7 +48,7 @@ from .light import (
     place_pixels,
     write,
 )
-from .raster import Floats32, Frame, Ids, Lens
+from .raster import Frame, Ids, Lens
 from .texels import byte
 
 FX, FY = LZ, ROUGH  # of planes, which have neither

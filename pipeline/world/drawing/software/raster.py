@@ -6,11 +6,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.poses import Bools, Floats, Floats32, Ints
 from pipeline.world.shapes import Mesh
 
 from .kernels import kernel
 
-Floats32 = NDArray[np.float32]
 Ids = NDArray[np.int32]
 
 NOTHING = -1
@@ -41,7 +41,7 @@ class Lens(NamedTuple):
 
 
 @kernel
-def rotation(pose: NDArray[np.float64]) -> NDArray[np.float64]:
+def rotation(pose: Floats) -> Floats:
     """Matrix (3,3) of a pose (7,)."""
     w, x, y, z = pose[3], pose[4], pose[5], pose[6]
     n = 2 / (w * w + x * x + y * y + z * z)
@@ -65,9 +65,7 @@ def rotation(pose: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 @kernel
-def joined(
-    turn: NDArray[np.float64], at: NDArray[np.float64], pose: NDArray[np.float64]
-) -> Floats32:
+def joined(turn: Floats, at: Floats, pose: Floats) -> Floats32:
     """What takes points of a body in this world pose through a rotation (3,3) and then by `at`
     (3,), as (3,4)."""
     own, out = rotation(pose), np.empty((3, 4), np.float32)
@@ -79,9 +77,7 @@ def joined(
 
 
 @kernel
-def turned(
-    normals: Floats32, span: NDArray[np.int64], pose: NDArray[np.float64], out: Floats32
-) -> None:
+def turned(normals: Floats32, span: Ints, pose: Floats, out: Floats32) -> None:
     """Normals (N,3) of a body's points in the world, into the first columns of `out`."""
     m = rotation(pose).astype(np.float32)
     for i in range(span[0], span[1]):
@@ -92,9 +88,7 @@ def turned(
 
 
 @kernel
-def _project(
-    points: Floats32, span: NDArray[np.int64], move: Floats32, lens: Lens, out: Floats32
-) -> None:
+def _project(points: Floats32, span: Ints, move: Floats32, lens: Lens, out: Floats32) -> None:
     """Points of `span` moved by (3,4) into the camera's frame, and their pixels: `out` (N,5)."""
     focal, near = np.float32(lens.focal), np.float32(lens.near)
     cx, cy = np.float32(lens.width / 2), np.float32(lens.height / 2)
@@ -114,7 +108,7 @@ class Solids(NamedTuple):
 
     points: Floats32
     corners: Ids
-    spans: NDArray[np.int64]
+    spans: Ints
 
 
 def solids_of(meshes: Sequence[Mesh]) -> Solids:
@@ -135,9 +129,9 @@ def solids_of(meshes: Sequence[Mesh]) -> Solids:
 @kernel
 def fill_bodies(
     solids: Solids,
-    shown: NDArray[np.int64],
-    poses: NDArray[np.float64],
-    view: NDArray[np.float64],
+    shown: Ints,
+    poses: Floats,
+    view: Floats,
     lens: Lens,
     frame: Frame,
 ) -> None:
@@ -227,9 +221,7 @@ def _fill(
 
 
 @kernel
-def fill_quads(
-    quads: NDArray[np.float64], walls: NDArray[np.bool_], lens: Lens, frame: Frame
-) -> None:
+def fill_quads(quads: Floats, walls: Bools, lens: Lens, frame: Frame) -> None:
     """Draw parallelograms by their corners a, a + u, a + v in the camera's frame (Q,3,3). Walls
     reach a pixel farther: another wall is nearer there, so that no seam stays open."""
     pixel, x0, y0 = 1 / lens.focal, lens.width / 2 - 0.5, lens.height / 2 - 0.5

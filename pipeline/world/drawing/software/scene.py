@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pipeline.data.cameras import CameraType
 from pipeline.data.episode.visuals import Visuals
-from pipeline.poses import IDENTITY, Floats
+from pipeline.poses import IDENTITY, Floats, Floats32, Pixels
 from pipeline.world.shapes import Material, Mesh, Parts, merge
 
 from ..engine import FAR, NEAR
@@ -38,7 +38,7 @@ class Bodies:
         normals = _joined([mesh.normals for mesh, _ in meshes], 3)
         length = np.linalg.norm(normals, axis=1)
         self._normals = normals / np.maximum(length, np.float32(0.01))[:, None]
-        textures = list[NDArray[np.uint8]]()
+        textures = list[Pixels]()
         materials, uvs = list[list[float]](), list[ArrayLike]()
         for (mesh, material), count in zip(meshes, vertices, strict=True):
             textured = material.texture is not None and mesh.uvs is not None
@@ -90,7 +90,7 @@ class Planes:
         self.walls, self.texels = np.array(walls), pooled(images, 1)
 
 
-def _joined(arrays: Sequence[ArrayLike], width: int) -> NDArray[np.float32]:
+def _joined(arrays: Sequence[ArrayLike], width: int) -> Floats32:
     return np.concatenate([np.zeros((0, width)), *arrays]).astype(np.float32)
 
 
@@ -112,7 +112,7 @@ def _surface(material: Material, texture: int) -> list[float]:
     return [*seen[:3] ** 2, *seen[3:], texture]
 
 
-def pooled(images: Sequence[NDArray[np.uint8]], levels: int) -> Texels:
+def pooled(images: Sequence[Pixels], levels: int) -> Texels:
     """Textures (H,W,4) one after the other; so many in turn are levels of one."""
     words = [np.ascontiguousarray(image).view(np.uint32).ravel() for image in images]
     sizes = [len(each) for each in words]

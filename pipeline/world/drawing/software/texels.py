@@ -2,9 +2,10 @@
 
 import numpy as np
 
+from pipeline.poses import Floats32
+
 from .kernels import kernel
 from .light import I32, F, Geometry, Texels, U
-from .raster import Floats32
 
 
 @kernel
