@@ -149,14 +149,14 @@ class CollisionWorld:
 
     def with_objects(
         self,
-        objects: Mapping[str, tuple[Sequence[Collider], Pose]] | None = None,
-        carried: Mapping[str, tuple[str, Sequence[Collider], Pose]] | None = None,
+        objects: Mapping[str, Obstacle] | None = None,
+        carried: Mapping[str, Carried] | None = None,
         *,
         ignore: Iterable[tuple[str, str]] = (),
         margin: float = MARGINS.obstacles,
         hands: float = MARGINS.arms,
     ) -> "CollisionScene":
-        """The scene with still `objects` and `carried` ones (side, pieces, pose in the tcp frame).
+        """The scene with still `objects` and `carried` ones.
 
         Pairs of names in `ignore` may touch. `margin` and `hands` are in m. Raises ValueError for
         an unknown or taken name.
@@ -190,9 +190,7 @@ class CollisionWorld:
         return CollisionScene(self, pieces, self._grouped(pieces, pairs, len(names), margin, hands))
 
     def between_arms(
-        self,
-        carried: Mapping[str, tuple[str, Sequence[Collider], Pose]],
-        hands: float = MARGINS.arms,
+        self, carried: Mapping[str, Carried], hands: float = MARGINS.arms
     ) -> "CollisionScene":
         """Only the arms count; what one carries may touch the other hand."""
         sides = {name: side for name, (side, _, _) in carried.items()}

@@ -6,12 +6,7 @@ from dataclasses import replace
 from typing import Annotated, Any, Literal, NamedTuple, Self, get_args
 
 import numpy as np
-from pydantic import (
-    AfterValidator,
-    BeforeValidator,
-    field_validator,
-    model_validator,
-)
+from pydantic import AfterValidator, BeforeValidator, field_validator, model_validator
 
 from pipeline.data.names import CAMERAS
 from pipeline.data.parsing import Strict, unless
@@ -212,11 +207,7 @@ def _in_turn(events: tuple[EventSpec, ...]) -> tuple[EventSpec, ...]:
     return events
 
 
-Events = Annotated[
-    tuple[EventSpec, ...],
-    BeforeValidator(_listed),
-    AfterValidator(_in_turn),
-]
+Events = Annotated[tuple[EventSpec, ...], BeforeValidator(_listed), AfterValidator(_in_turn)]
 """Events of a setup, or one; "none" for no event."""
 
 

@@ -18,15 +18,7 @@ from pipeline.data.recipe.model import Recipe
 from pipeline.poses import Ints
 
 from .files import Rows
-from .records import (
-    ATTEMPTS,
-    OF_ATTEMPT,
-    PLACE,
-    FileFacts,
-    SlotRecord,
-    pack_keys,
-    unpack_keys,
-)
+from .records import ATTEMPTS, OF_ATTEMPT, PLACE, FileFacts, SlotRecord, pack_keys, unpack_keys
 
 VERSION = 2
 WAIT = 60.0  # seconds that a command waits for another to finish reading or writing

@@ -25,16 +25,7 @@ from pipeline.data.store.place import drop, place_of
 
 from .files import Listing, Paths, read_given_up
 from .index import BESIDE, DamagedIndex, Index
-from .records import (
-    ATTEMPTS,
-    MOST_ATTEMPTS,
-    PLACE,
-    TIMED,
-    FileFacts,
-    SlotRecord,
-    retimed,
-    untimed,
-)
+from .records import ATTEMPTS, MOST_ATTEMPTS, PLACE, TIMED, FileFacts, SlotRecord, retimed, untimed
 
 _NOT_OURS = (EpisodeError, KeyError, TypeError, ValueError, AttributeError)
 """What reading raises for what is no whole file of its slot."""

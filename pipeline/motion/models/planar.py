@@ -10,12 +10,7 @@ from numpy.typing import NDArray
 
 from pipeline.poses import Bools, Floats
 
-from ..contract import (
-    MotionRequest,
-    NoMotion,
-    Streams,
-    described,
-)
+from ..contract import MotionRequest, NoMotion, Streams, described
 from ..planar import PlanarMotion, Segment, derivative, evaluate, quadrature
 from ..planar_shapes import DRAW, DrawnPaths, turned
 from . import register

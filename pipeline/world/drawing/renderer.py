@@ -9,9 +9,9 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pipeline.data.cameras import Camera, View
+from pipeline.data.cameras import Camera, View, world_poses
 from pipeline.data.episode.visuals import LOOK, Visuals
-from pipeline.poses import IDENTITY, Floats, compose
+from pipeline.poses import IDENTITY, Floats
 from pipeline.world.looks.textures import Rgba
 from pipeline.world.shapes import Parts
 
@@ -173,10 +173,10 @@ class Renderer(AbstractContextManager["Renderer"]):
             rgb = np.empty((*shape, 3), np.uint8)
             far = np.empty(shape, np.uint16) if depth else None
             bodies = np.empty(shape, np.uint8) if segmentation else None
-            at = self._places(camera, poses, len(index))
+            at = world_poses(camera, poses, len(index))
             views.append(View(camera, at, rgb, far, bodies))
         poses = {name: self._look.rounded(p) for name, p in poses.items()}
-        places = [self._places(c, poses, len(index)) for c in self.cameras]
+        places = [world_poses(c, poses, len(index)) for c in self.cameras]
         seen = list[Seen]()
         if self._shadows is not None:
             self._shadows.follow(poses)
@@ -218,13 +218,6 @@ class Renderer(AbstractContextManager["Renderer"]):
                     if images is not None:
                         images[k] = images[k - 1]
         return views
-
-    def _places(self, camera: Camera, poses: Mapping[str, Floats], frames: int) -> Floats:
-        """A camera's poses, (F,7)."""
-        mount = np.asarray(camera.pose, float)
-        if camera.link is None:
-            return np.repeat(mount[None], frames, 0)
-        return compose(poses[camera.link], mount)
 
     def _take(
         self, scene: DrawnScene | Picture, view: View, at: Floats, poses: Mapping[str, Floats]

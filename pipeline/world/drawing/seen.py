@@ -23,11 +23,7 @@ NEAR_PLANE = 0.01  # m off table and floor, up to which a point may be theirs
 
 
 def in_view(
-    kind: CameraType,
-    camera: Floats,
-    bodies: Floats,
-    centres: Floats,
-    halves: Floats,
+    kind: CameraType, camera: Floats, bodies: Floats, centres: Floats, halves: Floats
 ) -> Bools:
     """Whether each body may be seen (T,N): never False for one with a pixel. `camera` (T,7), x
     forward, and `bodies` (T,N,7) are world poses; `centres` and `halves` (N,3) m bound the bodies

@@ -123,12 +123,7 @@ def track_bodies(
 
 @compiled
 def _track(
-    solids: Triangles,
-    spans: Ints,
-    matrices: Floats,
-    index: Ints,
-    lens: Lens,
-    size: tuple[int, int],
+    solids: Triangles, spans: Ints, matrices: Floats, index: Ints, lens: Lens, size: tuple[int, int]
 ) -> tuple[Floats, Ints]:
     """Boxes (T,N,4) and sampled pixels (T,N,2) of whole and visible silhouettes, in images of a
     width and height."""
@@ -261,11 +256,7 @@ def draw(
 
 @compiled
 def _fill(
-    corners: Floats,
-    chosen: tuple[int, int, int],
-    number: int,
-    depths: Floats,
-    drawn: Ints,
+    corners: Floats, chosen: tuple[int, int, int], number: int, depths: Floats, drawn: Ints
 ) -> None:
     """Draw one triangle by corners (3,) of column, row and depth, unless it turns its back."""
     a, b, c = corners[chosen[0]], corners[chosen[1]], corners[chosen[2]]

@@ -7,11 +7,7 @@ from functools import lru_cache
 import numpy as np
 import sapien
 from numpy.typing import ArrayLike
-from sapien.physx import (
-    PhysxArticulation,
-    PhysxArticulationJoint,
-    PhysxMaterial,
-)
+from sapien.physx import PhysxArticulation, PhysxArticulationJoint, PhysxMaterial
 
 from pipeline.data.joints import Joint
 from pipeline.data.names import SIDES

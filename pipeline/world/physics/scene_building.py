@@ -17,9 +17,7 @@ from sapien.physx import (
 from pipeline.data.clock import PHYSICS_HZ
 from pipeline.motion.scenery import Prop
 from pipeline.poses import Floats, Floats32, Pose, compose, frame, inverse
-from pipeline.world.robots.contract import (
-    Embodiment,
-)
+from pipeline.world.robots.contract import Embodiment
 from pipeline.world.shapes import Collider
 
 from .arms import add_arm, to_sapien

@@ -61,13 +61,7 @@ class SoftwareCasters:
 
 
 @kernel
-def fill_depths(
-    solids: Solids,
-    shown: Ints,
-    poses: Floats,
-    view: Floats,
-    depths: Floats32,
-) -> None:
+def fill_depths(solids: Solids, shown: Ints, poses: Floats, view: Floats, depths: Floats32) -> None:
     """Least depth (N,N) of triangles that are turned away from the light, of the bodies that are
     shown. `view` (3,4) takes the world to column, row and depth."""
     turn, at = view[:, :3].copy(), view[:, 3].copy()

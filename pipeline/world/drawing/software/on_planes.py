@@ -49,7 +49,7 @@ from .light import (
     write,
 )
 from .raster import Frame, Ids, Lens
-from .texels import byte
+from .texels import byte, mixed
 
 FX, FY = LZ, ROUGH  # of planes, which have neither
 W0, W1, W2, W3 = (GROUP * k for k in range(4))  # places and then contents of four texels
@@ -90,17 +90,13 @@ def _texture(s: Floats32, w: NDArray[np.uint32], n: int, row: Floats32, texels: 
     for k in range(n):
         w[W0 + k], w[W1 + k] = words[w[W0 + k]], words[w[W1 + k]]
         w[W2 + k], w[W3 + k] = words[w[W2 + k]], words[w[W3 + k]]
-    scale = F(1 / 255)
     for k in range(n):
         fx, fy = s[FX + k], s[FY + k]
         wd = fx * fy
         wb, wc = fx - wd, fy - wd
         wa = F(1) - fx - wc
-        a, b, c, d = w[W0 + k], w[W1 + k], w[W2 + k], w[W3 + k]
-        red = byte(a, 0) * wa + byte(b, 0) * wb + byte(c, 0) * wc + byte(d, 0) * wd
-        green = byte(a, 8) * wa + byte(b, 8) * wb + byte(c, 8) * wc + byte(d, 8) * wd
-        blue = byte(a, 16) * wa + byte(b, 16) * wb + byte(c, 16) * wc + byte(d, 16) * wd
-        red, green, blue = red * scale, green * scale, blue * scale
+        four = w[W0 + k], w[W1 + k], w[W2 + k], w[W3 + k]
+        red, green, blue = mixed(four, wa, wb, wc, wd)
         s[RED + k], s[GREEN + k], s[BLUE + k] = red * red, green * green, blue * blue
 
 

@@ -128,12 +128,7 @@ def solids_of(meshes: Sequence[Mesh]) -> Solids:
 
 @kernel
 def fill_bodies(
-    solids: Solids,
-    shown: Ints,
-    poses: Floats,
-    view: Floats,
-    lens: Lens,
-    frame: Frame,
+    solids: Solids, shown: Ints, poses: Floats, view: Floats, lens: Lens, frame: Frame
 ) -> None:
     """Draw the bodies that are shown from their world poses (B,7). `view` (3,4) takes the world to
     the camera's frame: x right, y down, z forward."""
@@ -177,6 +172,21 @@ def _fill_triangles(
 
 
 @kernel
+def _planes(
+    a: tuple[float, float, float], b: tuple[float, float, float], c: tuple[float, float, float]
+) -> tuple[float, ...]:
+    """Six times the volume over three corners, and the cross products of b, c and of c, a and of
+    all: those of two corners are 0 on the edge between them."""
+    (ax, ay, az), (bx, by, bz), (cx, cy, cz) = a, b, c
+    m0x, m0y, m0z = by * cz - bz * cy, bz * cx - bx * cz, bx * cy - by * cx
+    m1x, m1y, m1z = cy * az - cz * ay, cz * ax - cx * az, cx * ay - cy * ax
+    m2x, m2y, m2z = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+    volume = ax * m0x + ay * m0y + az * m0z
+    whole = m0x + m1x + m2x, m0y + m1y + m2y, m0z + m1z + m2z
+    return volume, m1x, m1y, m1z, m2x, m2y, m2z, *whole
+
+
+@kernel
 def _fill(
     corners: tuple[tuple[float, float, float], ...],
     number: int,
@@ -186,16 +196,11 @@ def _fill(
 ) -> None:
     """Draw one triangle: for the ray (x, y, 1) of a pixel, 1 / distance q and both coordinates
     over the distance are linear in x and y."""
-    (ax, ay, az), (bx, by, bz), (cx, cy, cz) = corners
-    # cross products of two corners are 0 on the edge between them
-    m0x, m0y, m0z = by * cz - bz * cy, bz * cx - bx * cz, bx * cy - by * cx
-    m1x, m1y, m1z = cy * az - cz * ay, cz * ax - cx * az, cx * ay - cy * ax
-    m2x, m2y, m2z = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
-    volume = ax * m0x + ay * m0y + az * m0z
+    a, b, c = corners
+    volume, m1x, m1y, m1z, m2x, m2y, m2z, mqx, mqy, mqz = _planes(a, b, c)
     if volume >= 0:  # seen from behind
         return
     by_volume, pixel = 1 / volume, 1 / lens.focal
-    mqx, mqy, mqz = m0x + m1x + m2x, m0y + m1y + m2y, m0z + m1z + m2z
     scale = by_volume * pixel
     step_u, step_v, step_q = m1x * scale, m2x * scale, mqx * scale
     nearest, inverses, ids = 1 / lens.near, frame.inverse, frame.ids
@@ -226,17 +231,13 @@ def fill_quads(quads: Floats, walls: Bools, lens: Lens, frame: Frame) -> None:
     reach a pixel farther: another wall is nearer there, so that no seam stays open."""
     pixel, x0, y0 = 1 / lens.focal, lens.width / 2 - 0.5, lens.height / 2 - 0.5
     for k in range(len(quads)):
-        ax, ay, az = quads[k, 0, 0], quads[k, 0, 1], quads[k, 0, 2]
-        bx, by, bz = quads[k, 1, 0], quads[k, 1, 1], quads[k, 1, 2]
-        cx, cy, cz = quads[k, 2, 0], quads[k, 2, 1], quads[k, 2, 2]
-        m0x, m0y, m0z = by * cz - bz * cy, bz * cx - bx * cz, bx * cy - by * cx
-        m1x, m1y, m1z = cy * az - cz * ay, cz * ax - cx * az, cx * ay - cy * ax
-        m2x, m2y, m2z = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
-        volume = ax * m0x + ay * m0y + az * m0z
+        a = quads[k, 0, 0], quads[k, 0, 1], quads[k, 0, 2]
+        b = quads[k, 1, 0], quads[k, 1, 1], quads[k, 1, 2]
+        c = quads[k, 2, 0], quads[k, 2, 1], quads[k, 2, 2]
+        volume, m1x, m1y, m1z, m2x, m2y, m2z, mqx, mqy, mqz = _planes(a, b, c)
         if volume >= 0:
             continue
         by_volume, margin = 1 / volume, 1 if walls[k] else 0
-        mqx, mqy, mqz = m0x + m1x + m2x, m0y + m1y + m2y, m0z + m1z + m2z
         scale = by_volume * pixel
         step_u, step_v, step_q = m1x * scale, m2x * scale, mqx * scale
         for y in range(lens.height):

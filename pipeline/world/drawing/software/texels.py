@@ -15,6 +15,17 @@ def byte(word, shift):
 
 
 @kernel
+def mixed(words, wa, wb, wc, wd):
+    """Red, green and blue 0-1 of four texels with these weights."""
+    a, b, c, d = words
+    red = byte(a, 0) * wa + byte(b, 0) * wb + byte(c, 0) * wc + byte(d, 0) * wd
+    green = byte(a, 8) * wa + byte(b, 8) * wb + byte(c, 8) * wc + byte(d, 8) * wd
+    blue = byte(a, 16) * wa + byte(b, 16) * wb + byte(c, 16) * wc + byte(d, 16) * wd
+    scale = F(1 / 255)
+    return red * scale, green * scale, blue * scale
+
+
+@kernel
 def square(x, y):
     h = U(U(x) * U(73856093)) ^ U(U(y) * U(19349663))
     h = U(U(h ^ U(h >> U(13))) * U(1540483477))
@@ -42,11 +53,7 @@ def sampled(texels: Texels, texture: int, u, v):
     c, d = texels.words[U(first + y1 * width + x0)], texels.words[U(first + y1 * width + x1)]
     wa, wb = (F(1) - fx) * (F(1) - fy), fx * (F(1) - fy)
     wc, wd = (F(1) - fx) * fy, fx * fy
-    scale = F(1 / 255)
-    red = byte(a, 0) * wa + byte(b, 0) * wb + byte(c, 0) * wc + byte(d, 0) * wd
-    green = byte(a, 8) * wa + byte(b, 8) * wb + byte(c, 8) * wc + byte(d, 8) * wd
-    blue = byte(a, 16) * wa + byte(b, 16) * wb + byte(c, 16) * wc + byte(d, 16) * wd
-    return red * scale, green * scale, blue * scale
+    return mixed((a, b, c, d), wa, wb, wc, wd)
 
 
 @kernel
