@@ -15,23 +15,6 @@ REMAKE = "remove it, if it is there, and run the build again to make its slot"
 CHANGED = f"bytes differ from the index's sha256; {REMAKE}"
 
 
-def missed(paths: list[Path]) -> str:
-    """One line on finished episodes that are missing."""
-    many = "1 episode is" if len(paths) == 1 else f"{len(paths)} episodes are"
-    fix = "rerun the build command of this dataset"
-    return f"{many} missing that the index calls finished, first {paths[0]}; {fix}"
-
-
-def is_intact(path: Path, sha256: str) -> bool:
-    """Whether a file has bytes of this hash. Raises PermissionError."""
-    try:
-        return file_hash(path) == sha256
-    except PermissionError:
-        raise
-    except OSError:
-        return False
-
-
 def check_bytes(dataset: Dataset, episode: Path) -> None:
     """Raise DatasetError for an episode file whose bytes the index does not name."""
     if not dataset.manifest.exists():
@@ -60,7 +43,9 @@ def intact_episodes(dataset: Dataset, recipe: Recipe) -> list[Path]:
     changed one.
     """
     if missing := dataset.missing(recipe):
-        raise DatasetError(missed(missing))
+        many = "1 episode is" if len(missing) == 1 else f"{len(missing)} episodes are"
+        what = f"{many} missing that the index calls finished, first {missing[0]}"
+        raise DatasetError(f"{what}; rerun the build command of this dataset")
     rows = dataset.present(recipe, "sha256")
     rows = rows.where(rows.accepted)
     paths = [dataset.episode(slot) for slot in rows.slots]

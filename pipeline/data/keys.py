@@ -53,6 +53,16 @@ def file_hash(path: Path) -> str:
         return hashlib.file_digest(f, "sha256").hexdigest()
 
 
+def is_intact(path: Path, sha256: str) -> bool:
+    """Whether a file has bytes of this hash. Raises PermissionError."""
+    try:
+        return file_hash(path) == sha256
+    except PermissionError:
+        raise
+    except OSError:
+        return False
+
+
 @dataclass(frozen=True)
 class Key:
     """The hash of named parts, each a hash."""

@@ -121,7 +121,8 @@ class StateLog:
 
     def time_of(self, event: str) -> float | None:
         """Time (s) of the first event of that name."""
-        return next((each.time for each in self.events if each.name == event), None)
+        first = self.event(event)
+        return first and first.time
 
 
 _ARRAYS = ("times", "poses", "qpos", "qvel", "state", "action", "tcp", "target_velocity")

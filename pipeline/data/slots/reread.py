@@ -16,7 +16,7 @@ import pyarrow.parquet as pq
 from pipeline.data.atomic import Busy, atomic_path, exclusive
 from pipeline.data.episode.file import EpisodeError, EpisodeFile
 from pipeline.data.episode.meta import EpisodeMeta
-from pipeline.data.keys import Key, SlotKeys, file_hash
+from pipeline.data.keys import Key, SlotKeys, file_hash, is_intact
 from pipeline.data.process.machine import usable_cores
 from pipeline.data.reading import check_regular
 from pipeline.data.recipe.cells import Slot
@@ -127,21 +127,11 @@ class IndexWriter(AbstractContextManager["IndexWriter"]):
             self._dataset.file(slot, accepted)
             for slot, accepted in zip(rows.slots, rows.accepted.tolist(), strict=True)
         ]
+        hashes = (sha256.hex() for sha256 in rows.more["sha256"])
         with ThreadPoolExecutor(usable_cores()) as threads:
-            found = list(threads.map(_hash, paths))
-        same = np.array([a == b for a, b in zip(found, rows.more["sha256"], strict=True)], bool)
+            same = np.array(list(threads.map(is_intact, paths, hashes)), bool)
         self.index.update_files(np.column_stack([rows.ids, now])[same].tolist())
         return set(rows.where(~same).slots)
-
-
-def _hash(path: Path) -> bytes:
-    """A file's sha256, b"" without one. Raises PermissionError."""
-    try:
-        return bytes.fromhex(file_hash(path))
-    except PermissionError:
-        raise
-    except OSError:
-        return b""
 
 
 def read_unknown(dataset: Paths, recipe: Recipe, index: Index) -> None:

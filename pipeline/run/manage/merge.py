@@ -9,8 +9,8 @@ from typing import Any
 from pipeline.annotate.overlays import annotation_sheet
 from pipeline.data.atomic import exclusive, file_state, link, write_atomic
 from pipeline.data.dataset import Dataset, DatasetError, check_apart
-from pipeline.data.intact import CHANGED, is_intact
-from pipeline.data.keys import seal
+from pipeline.data.intact import CHANGED
+from pipeline.data.keys import is_intact, seal
 from pipeline.data.recipe.growth import differences, left_out
 from pipeline.data.recipe.model import Recipe, Slot
 from pipeline.data.slots.records import SlotRecord, pack_keys

@@ -17,8 +17,7 @@ from pipeline.data.atomic import remove
 from pipeline.data.dataset import Dataset, DatasetError
 from pipeline.data.episode.file import EpisodeError
 from pipeline.data.episode.visuals import LOOK
-from pipeline.data.intact import is_intact
-from pipeline.data.keys import SlotKeys
+from pipeline.data.keys import SlotKeys, is_intact
 from pipeline.data.process.machine import trim
 from pipeline.data.recipe.model import Recipe, Slot
 from pipeline.data.slots.files import write_given_up

@@ -12,8 +12,8 @@ from pipeline.data.episode.file import EpisodeError, EpisodeFile
 from pipeline.data.episode.meta import CameraInfo
 from pipeline.data.episode.state_log import physics_id
 from pipeline.data.errors import DominoError
-from pipeline.data.intact import CHANGED, is_intact
-from pipeline.data.keys import SlotKeys
+from pipeline.data.intact import CHANGED
+from pipeline.data.keys import SlotKeys, is_intact
 from pipeline.data.recipe.model import Recipe, Slot
 from pipeline.data.slots.assets import AssetStore
 from pipeline.data.slots.files import write_given_up
