@@ -421,7 +421,7 @@ def test_a_file_that_was_touched_is_read_once_and_one_with_other_bytes_is_named(
     mine.episode(SLOTS[2]).write_bytes(data)
     reads = []
     monkeypatch.setattr(
-        "pipeline.data.slots.reread.file_hash", lambda path: reads.append(path) or file_hash(path)
+        "pipeline.data.keys.file_hash", lambda path: reads.append(path) or file_hash(path)
     )
     for _ in range(2):
         with IndexWriter(mine, RECIPE) as writer:
