@@ -194,6 +194,9 @@ class Model(_Part):
     touched: bool = False
     """Whether a small network tells, from the other inputs, that the target has been touched; from
     then on this stays an input."""
+    touching: Annotated[float, Field(gt=0)] | None = None
+    """Seconds after the touch from which a touch is learned, where `touched` is set. Later a hand
+    that carries the target may be where a hand that has not reached it is. All by default."""
     modes: Annotated[int, Field(ge=1, le=16)] = 1
     """Chunks among which the policy chooses. With one, demonstrations that do the same in different
     ways, such as a wrist turned to either side, teach what lies between them."""
@@ -215,6 +218,8 @@ class Model(_Part):
             raise ValueError("arms are chosen by the track of the target: set model.track")
         if self.choosing is not None and not self.arms:
             raise ValueError("no arms are chosen: set model.arms, or leave out model.choosing")
+        if self.touching is not None and not self.touched:
+            raise ValueError("no touch is told: set model.touched, or leave out model.touching")
         if self.touched and not (self.state and self.track):
             raise ValueError(
                 "touches are told by joints and track: set model.state and model.track"

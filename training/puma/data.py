@@ -213,7 +213,8 @@ def batch_of(
     `clock` (B,) s; `world` (B,N,D) and `oracle` (B,F). `action_valid` (B,K) is False past the last
     frame of the episode, `world_valid` (B,N) also where the target was not seen. `row` (B,) numbers
     the episodes. Where the target is tracked: `track` (B,2K+2), `tools` (B,2,3) m, `free` (B,),
-    whether the robot has not touched it yet, and `choice` (B,), the number of the arms that act.
+    whether the robot has not touched it yet, `held` (B,) s since it did, 0 before, and `choice`
+    (B,), the number of the arms that act.
 
     History before the first frame is the first frame, whose flow map is black, as at the start of
     an episode that is played.
@@ -236,7 +237,8 @@ def batch_of(
         out["past_time"] = np.asarray(arrays["time"][at] - arrays["time"][now][:, None], np.float32)
     if model.track:
         out |= {
-            name: np.asarray(arrays[name][now]) for name in ("track", "tools", "free", "choice")
+            name: np.asarray(arrays[name][now])
+            for name in ("track", "tools", "free", "choice", "held")
         }
     if model.oracle:
         at = np.minimum(frame + np.arange(model.chunk + 1), last)

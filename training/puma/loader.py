@@ -113,12 +113,15 @@ class Loader:
 
 
 def targets_of(arrays: Arrays, config: Config) -> Targets:
-    """Targets of a batch; those of `choice` after `model.choosing` are IGNORED."""
+    """Targets of a batch; those of `choice` after `model.choosing` are IGNORED, touches that are
+    older than `model.touching` are not `judged`."""
     names = [field.name for field in fields(Targets) if field.name in arrays]
     found = {name: torch.from_numpy(arrays[name]) for name in names}
     if config.model.choosing is not None:
         late = torch.from_numpy(arrays["clock"] > config.model.choosing)
         found["choice"] = found["choice"].masked_fill(late, IGNORED)
+    if config.model.touching is not None:
+        found["judged"] = torch.from_numpy(arrays["held"] <= config.model.touching)
     return Targets(**found)
 
 

@@ -54,8 +54,8 @@ def follow(
     quiet: bool = True,
     kept: Path | None = None,
 ) -> Corpus:
-    """The corpus with the arrays `track` (N,M), those of all bodies, `tools` (N,2,3) m and `choice`
-    (N,), which of CHOICES acts, for every frame.
+    """The corpus with arrays for every frame: `track` (N,M), those of all bodies, `tools` (N,2,3)
+    m, `choice` (N,), which of CHOICES acts, and `held` (N,) s since the touch.
 
     Trains the finder of the network, and fits the scale of what is found, unless they are `trained`
     already. A trained finder is written to the file `kept`, and read from there if it is of the
@@ -361,16 +361,23 @@ def _find_tracks(
 
 
 def _add_arrays(cache: Cache, tracks: NDArray[np.float32]) -> Cache:
-    """The cache with `track`, `tools` and `choice`."""
-    arrays, choices = cache.arrays, list[NDArray[np.int64]]()
+    """The cache with `track`, `tools`, `held` and `choice`."""
+    arrays, choices, held = cache.arrays, list[NDArray[np.int64]](), list[NDArray[np.float32]]()
     for start, length, taught in zip(cache.start, cache.length, cache.taught, strict=True):
         choices.append(
             np.repeat(choice_of(cache.names, arrays["action"][taught : start + length]), length)
         )
+        held.append(since_touch(*(arrays[n][start : start + length] for n in ("time", "free"))))
     tools = tools_of(cache.rows[0].embodiment, arrays["state"])
-    return replace(
-        cache, arrays={**arrays, "track": tracks, "tools": tools, "choice": np.concatenate(choices)}
-    )
+    added = {"track": tracks, "tools": tools, "held": np.concatenate(held)}
+    return replace(cache, arrays={**arrays, **added, "choice": np.concatenate(choices)})
+
+
+def since_touch(times: NDArray[Any], free: NDArray[np.bool_]) -> NDArray[np.float32]:
+    """Seconds (T,) since the target was first touched, 0 before, for times (T,) s of an episode."""
+    touched = np.flatnonzero(~free)
+    first = times[touched[0]] if len(touched) else np.inf
+    return np.maximum(times - first, 0.0).astype(np.float32)
 
 
 def choice_of(names: Sequence[str], actions: NDArray[Any]) -> int:

@@ -20,7 +20,7 @@ from training.puma.model.puma import Outputs, Sizes, build_model
 from training.puma.policy import PumaPolicy
 from training.puma.preprocess import Preprocessing
 from training.puma.track import CHOICES, TargetView, Track, track_numbers
-from training.puma.tracking import Disturbance, choice_of, tools_of, touch_points
+from training.puma.tracking import Disturbance, choice_of, since_touch, tools_of, touch_points
 from training.puma.train import train
 
 SIGHT = TargetView((240, 320), 37.0, tuple(look((0.0, -0.5, 1.4), (0.0, 0.6, -0.7))), 0.76, 0.03)
@@ -222,6 +222,23 @@ def test_arms_are_learned_from_the_moments_at_which_they_are_chosen(dataset: Pat
     )
     arrays["clock"] += 1
     assert float(network.losses(outputs, targets_of(arrays, config))["choice"]) == 0
+
+
+def test_a_touch_is_learned_until_some_time_after_it(dataset: Path, cache: Path):
+    values = small(dataset, cache).model_dump(mode="json")
+    values["model"] |= {"touched": True, "touching": 0.4}
+    config = parse_config(values, "test")
+    found = since_touch(np.arange(6) / 5, np.array([True, True, False, False, True, False]))
+    assert found == pytest.approx([0, 0, 0, 0.2, 0.4, 0.6])
+    assert not since_touch(np.arange(3) / 5, np.ones(3, bool)).any()
+    arrays = {"free": np.array([True, False, False]), "held": np.array([0.0, 0.4, 0.5])}
+    arrays |= {"action": np.zeros((3, 2, 14)), "action_valid": np.ones((3, 2), bool)}
+    network = build_model(config, Sizes(14, 0))
+    # wrong by e^5 in the first and the last row
+    outputs = Outputs(torch.zeros(3, 2, 14), None, touched=torch.tensor([5.0, 5.0, -5.0]))
+    rows = [np.log1p(np.exp(5.0)), np.log1p(np.exp(-5.0))]
+    loss = float(network.losses(outputs, targets_of(arrays, config))["touched"])
+    assert loss == pytest.approx(sum(rows) / 3, rel=1e-5)
 
 
 def test_grippers_stay_as_they_are_where_a_hand_may_hold_the_second_body(

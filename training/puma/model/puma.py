@@ -56,7 +56,7 @@ class Outputs:
 class Targets:
     """What outputs should be: `action` (B,K,A), `action_valid` (B,K), for the world `world`
     (B,N,D), `world_valid` (B,N), `choice` (B,), and whether nothing touched the target, `free`
-    (B,)."""
+    (B,). The latter is learned of rows that are `judged` (B,), by default all."""
 
     action: Tensor
     action_valid: Tensor
@@ -64,6 +64,7 @@ class Targets:
     world_valid: Tensor | None = None
     choice: Tensor | None = None
     free: Tensor | None = None
+    judged: Tensor | None = None
 
 
 @dataclass(frozen=True)
@@ -226,8 +227,9 @@ class Puma(nn.Module):
             found["choice"] = wrong / (targets.choice != IGNORED).sum().clamp(min=1)
             found["loss"] = found["loss"] + found["choice"]
         if outputs.touched is not None and targets.free is not None:
+            judged = torch.ones_like(targets.free) if targets.judged is None else targets.judged
             found["touched"] = functional.binary_cross_entropy_with_logits(
-                outputs.touched, (~targets.free).float()
+                outputs.touched, (~targets.free).float(), judged.float()
             )
             found["loss"] = found["loss"] + found["touched"]
         return found
