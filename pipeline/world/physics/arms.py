@@ -87,8 +87,8 @@ def _add_shapes(builder: "sapien.LinkBuilder", link: Link) -> None:
         elif piece.kind == "sphere":
             builder.add_sphere_collision(at, piece.size[0], material(), _DENSITY)
         elif piece.kind == "cylinder":
-            size = *piece.size, material(), _DENSITY
-            builder.add_cylinder_collision(at * _CYLINDER_TO_Z, *size)
+            at, (radius, half) = at * _CYLINDER_TO_Z, piece.size
+            builder.add_cylinder_collision(at, radius, half, material(), _DENSITY)
 
 
 def _set_joint(builder: "sapien.LinkBuilder", joint: Joint | None) -> None:
