@@ -121,13 +121,14 @@ def plan(
         print("measuring: four episodes, up to a minute", file=sys.stderr)
         cost = planning.measure(recipe)
     values = planning.plan(recipe, Dataset(out) if out else None, workers or usable_cores(), cost)
+    wide = values["estimated_hours_most"] > values["estimated_hours"]
     lines = [
         f"tasks: {len(recipe.tasks)}, robots: {len(recipe.embodiments)}, levels:"
         f" {len(recipe.levels)}, cells: {len(values['cells'])}, episodes: {values['slots']:,}",
         f"finished: {values['finished']:,}; to make: {values['slots'] - values['finished']:,};"
         f" {values['estimate']}",
         *redo_lines(values["redo"]),
-        f"core-hours: {values['estimated_core_hours']:,.1f}",
+        f"core-hours: {values['estimated_core_hours']:,.1f}{' or more' * wide}",
     ]
     common.print_result(values, as_json, "\n".join(lines))
 

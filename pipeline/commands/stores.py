@@ -93,9 +93,10 @@ def push(directory: Directory, url: Url, as_json: AsJson = False) -> None:
 def _named(url: str) -> str:
     if known := url_of(url):
         return known
-    raise UsageError(f"{url} is no URL of an object store, such as s3://bucket/sets/bells")
+    fix = "copy to a directory with cp or rsync"
+    raise UsageError(f"{url} is no URL of an object store, such as s3://bucket/sets/bells; {fix}")
 
 
 def _print_moved(files: int, moved: int, where: str, as_json: bool) -> None:
-    text = f"{moved} of {files} files {where}; the others were there"
+    text = f"{moved} of {files} files {where}" + "; the others were there" * (moved < files)
     print_result({"files": files, "moved": moved}, as_json, text)

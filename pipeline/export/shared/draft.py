@@ -123,7 +123,7 @@ def stage_directory(out: Path, dataset: Path, format_: str) -> Iterator[Path]:
     elif any(real.is_relative_to(here / own) for own in OWN):
         problem = "lies among the dataset's own files"
     elif out.exists() and any(out.iterdir()) and not record.exists():
-        problem = f"is not an export (it has no {EXPORT_RECORD}); remove it"
+        problem = f"is not an export (it has no {EXPORT_RECORD})"
     if problem:
         raise ExportError(f"{out}: {problem}; name another directory")
     if is_there(record):
