@@ -155,7 +155,7 @@ def test_a_build_outlives_killed_workers_with_the_same_bytes(built, tmp_path):
         ]
 
     def both_held() -> bool:
-        """Whether both workers are stopped in the middle of a job: one that ends it first goes on
+        """Whether both workers are stopped in the middle of a job: one that ends it first continues
         and is waited for again."""
         found = at_work()
         for worker in found:
