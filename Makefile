@@ -43,7 +43,9 @@ readme: setup  ## run every command of README.md and of the pages that add somet
 	$(VENV)/pytest -n 2 -m slow tests/test_docs_followed.py
 
 slow: setup  ## run the tests that take minutes: training by lerobot-train, training in several processes
-	$(VENV)/pytest -n 2 -m slow --ignore=tests/test_docs_followed.py
+	# a process that had a Ray of its own joins no cluster: these tests have one for themselves
+	$(VENV)/pytest -n 0 -m slow tests/run/test_cluster.py
+	$(VENV)/pytest -n 2 -m slow --ignore=tests/test_docs_followed.py --ignore=tests/run/test_cluster.py
 
 lint: setup  ## check style, types, words, and which room imports which
 	$(VENV)/ruff check

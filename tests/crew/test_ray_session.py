@@ -13,7 +13,7 @@ from urllib.request import urlopen
 
 import pytest
 
-from pipeline.crew.contract import Crew
+from pipeline.crew.contract import Crew, CrewError
 from pipeline.crew.ray_session import session
 from pipeline.run.checks.doctor import RAY, judge_ray
 from tests.run.processes import below, listening, of_session, title, wait_for, workers
@@ -135,3 +135,13 @@ def test_nothing_works_on_after_its_driver(number: int, folder: Path):
         assert (process.returncode, out) == (130, "stopped\n")
         wait_for(lambda: not of_session(process.pid), 20)
         assert not list(folder.iterdir())
+
+
+@pytest.mark.usefixtures("ray")
+def test_a_process_that_had_its_own_ray_is_told_to_join_a_cluster_in_another():
+    import ray
+
+    ray.shutdown()  # the last test of this module
+    joined = session(Crew("ray", 2, address="127.0.0.1:6379"))
+    with pytest.raises(CrewError, match="join the cluster in a new process"), joined:
+        pass
