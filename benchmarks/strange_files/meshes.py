@@ -227,6 +227,6 @@ MESH_CASES = (
                 dae(p).read_text().replace("<node>", '<node id="n"><instance_node url="#n"/>')
             ),
         ),
-        "in a circle",
+        "Node #n not found",
     ),
 )

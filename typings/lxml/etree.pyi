@@ -7,7 +7,13 @@ class XMLSyntaxError(SyntaxError): ...
 
 class XMLParser:
     def __init__(
-        self, *, resolve_entities: bool = ..., no_network: bool = ..., huge_tree: bool = ...
+        self,
+        *,
+        resolve_entities: bool = ...,
+        no_network: bool = ...,
+        huge_tree: bool = ...,
+        remove_comments: bool = ...,
+        remove_pis: bool = ...,
     ) -> None: ...
 
 class DocInfo:
@@ -39,3 +45,4 @@ class _Element:
 
 def Element(tag: str) -> _Element: ...
 def fromstring(text: bytes, parser: XMLParser) -> _Element: ...
+def tostring(element: _Element) -> bytes: ...

@@ -88,7 +88,13 @@ def similar(name: str, beside: Path, within: Path) -> Path | None:
 
 def parse_xml(data: bytes) -> Any:
     """Parse XML. Raises MeshError, also for a document type."""
-    parser = etree.XMLParser(resolve_entities=False, no_network=True, huge_tree=True)
+    parser = etree.XMLParser(
+        resolve_entities=False,
+        no_network=True,
+        huge_tree=True,
+        remove_comments=True,
+        remove_pis=True,
+    )
     try:
         root = etree.fromstring(data, parser)
     except (etree.XMLSyntaxError, LookupError, ValueError) as error:

@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from lxml import etree
 from numpy.typing import ArrayLike
 
 from pipeline.data.errors import DominoError
@@ -156,7 +155,7 @@ def read_xml(path: Path) -> Any:
 
 def _parse(path: Path) -> Any:
     root = read_xml(path)
-    elements = list(root.iter(etree.Element))
+    elements = list(root.iter())
     if root.tag != "robot" or any("xacro" in element.tag for element in elements):
         raise UrdfError(f"{path}: not a plain URDF; expand it first: `xacro in.xacro > out.urdf`")
     for element in elements:
@@ -187,7 +186,7 @@ class _Shapes:
     def of(self, link: Any, tag: str) -> Iterator[UrdfShape]:
         for element in link.findall(tag):
             geometry, material = element.find("geometry"), element.find("material")
-            solid = None if geometry is None else next(geometry.iterchildren(etree.Element), None)
+            solid = None if geometry is None else next(geometry.iterchildren(), None)
             if solid is not None:
                 color = None
                 if material is not None:

@@ -87,9 +87,9 @@ DAE = """<?xml version="1.0"?><COLLADA xmlns="http://www.collada.org/2005/11/COL
 <library_effects>{effects}</library_effects><library_materials>{materials}</library_materials>
 <library_geometries><geometry id="g"><mesh>
 <source id="p"><float_array id="pa" count="12">0 0 0 1 0 0 1 1 0 0 1 0</float_array>
-<technique_common><accessor source="#pa" count="4" stride="3"/></technique_common></source>
+<technique_common><accessor source="#pa" count="4" stride="3"><param name="X" type="float"/><param name="Y" type="float"/><param name="Z" type="float"/></accessor></technique_common></source>
 <source id="t"><float_array id="ta" count="8">0 1 1 1 1 0 0 0</float_array>
-<technique_common><accessor source="#ta" count="4" stride="2"/></technique_common></source>
+<technique_common><accessor source="#ta" count="4" stride="2"><param name="S" type="float"/><param name="T" type="float"/></accessor></technique_common></source>
 <vertices id="v"><input semantic="POSITION" source="#p"/></vertices>{primitives}</mesh></geometry></library_geometries>
 <library_visual_scenes><visual_scene id="s"><node>{place}<instance_geometry url="#g"><bind_material><technique_common>{bound}
 </technique_common></bind_material></instance_geometry></node></visual_scene></library_visual_scenes>

@@ -28,6 +28,11 @@ def test_each_material_has_its_diffuse_color(tmp_path):
     "primitive",
     [
         f"<polylist count='1'>{VERTEX}<vcount>4</vcount><p>0 1 2 3</p></polylist>",
+        f"<polygons count='1'>{VERTEX}<p>0 1 2 3</p></polygons>",
+        f"<triangles count='2'>{VERTEX}<p>0 1 2 0 2 3</p></triangles>",
+        f"<tristrips count='1'>{VERTEX}<p>0 1 3 2</p></tristrips>",
+        f"<trifans count='1'>{VERTEX}<p>0 1 2 3</p></trifans>",
+        f"<lines count='1'>{VERTEX}<p>0 1</p></lines><!-- no shape -->"
         f"<triangles count='2'>{VERTEX}<p>0 1 2 0 2 3</p></triangles>",
     ],
 )
@@ -73,19 +78,20 @@ def test_a_texture_is_read_by_way_of_its_sampler(tmp_path):
     [
         ("<COLLADA", '<!DOCTYPE a [<!ENTITY b "c">]><COLLADA', "declares a document type"),
         ("</COLLADA>", "", "not readable as XML"),
-        ("<p>0 1 2 0 2 3</p>", "<p>0 1 2 0 2 9</p>", "vertices that it does not hold"),
-        ("<p>0 1 2 0 2 3</p>", "<ph><p>0 1 2 0 2 3</p></ph>", "without a <p>"),
+        ("<p>0 1 2 0 2 3</p>", "<p>0 1 2 0 2 9</p>", "go beyond the limits of the source"),
+        ("<p>0 1 2 0 2 3</p>", "<p>0 1 2 0 2 -1</p>", "vertices that it does not hold"),
+        ("<p>0 1 2 0 2 3</p>", "<ph><p>0 1 2 0 2 3</p></ph>", "Missing index"),
         (
             "<p>0 1 2 0 2 3</p></triangles>",
             "</triangles><trifans><p>0 1</p></trifans>",
-            "without a <p>",
+            "Missing index",
         ),
-        ('url="#g"', 'url="#gone"', "names '#gone', which the file does not hold"),
-        ("<node>", "<node><skew>1 2 3</skew>", "places a node by <skew>"),
+        ('url="#g"', 'url="#gone"', "Geometry #gone not found"),
+        ("<node>", "<node><skew>1 2 3</skew>", "Unknown scene node .*skew"),
         (
             "<node>",
             '<node id="n"><instance_node url="#n"/>',
-            "nested more than 100 deep, or in a circle",
+            "Node #n not found",
         ),
         ("<asset>", '<asset><unit meter="0"/>', "has a unit of 0 metres"),
     ],
