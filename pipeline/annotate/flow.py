@@ -13,6 +13,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.poses import Floats32, Pixels
+
 from .stage import AnnotateError
 
 NORMALISATIONS = ("per_map", "shared", "fixed")
@@ -71,7 +73,7 @@ def previous_frames(frames: int, stride: int) -> NDArray[np.int32]:
     return np.maximum(np.arange(frames) - stride, 0).astype(np.int32)
 
 
-def shrink_grey(rgb: NDArray[np.uint8], size: tuple[int, int]) -> NDArray[np.uint8]:
+def shrink_grey(rgb: Pixels, size: tuple[int, int]) -> Pixels:
     """(H,W,3) uint8 RGB as (h,w) uint8 BT.601 luma, by area average; `size` = (width, height)."""
     with bit_stable():
         if rgb.shape[1::-1] != size:
@@ -79,9 +81,7 @@ def shrink_grey(rgb: NDArray[np.uint8], size: tuple[int, int]) -> NDArray[np.uin
         return np.asarray(cv2.cvtColor(rgb, cv2.COLOR_RGB2GRAY), np.uint8)
 
 
-def farneback(
-    before: NDArray[np.uint8], after: NDArray[np.uint8], options: Farneback
-) -> NDArray[np.float32]:
+def farneback(before: Pixels, after: Pixels, options: Farneback) -> Floats32:
     """Flow (h,w,2) px, x right and y down, between grey images (h,w) uint8."""
     flow = np.zeros((*before.shape, 2), np.float32)
     with bit_stable():
@@ -89,7 +89,7 @@ def farneback(
     return np.asarray(made, np.float32)
 
 
-def flow_of(grey: NDArray[np.uint8], stride: int, options: Farneback) -> NDArray[np.float32]:
+def flow_of(grey: Pixels, stride: int, options: Farneback) -> Floats32:
     """Flow (T,h,w,2) px of grey frames (T,h,w), each pair computed once."""
     flow = np.zeros((*grey.shape, 2), np.float32)
     for t, before in enumerate(previous_frames(len(grey), stride)):
@@ -98,9 +98,7 @@ def flow_of(grey: NDArray[np.uint8], stride: int, options: Farneback) -> NDArray
     return flow
 
 
-def colour_flow(
-    flow: NDArray[np.floating], options: Colour
-) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
+def colour_flow(flow: NDArray[np.floating], options: Colour) -> tuple[Pixels, Floats32]:
     """RGB maps (N,h,w,3) of flows (N,h,w,2) px, and their full scale (N,) px. Hue is direction:
     0 right, 90 degrees down.
     """
@@ -117,7 +115,7 @@ def colour_flow(
     return rgb, scale
 
 
-def _scales(magnitudes: list[NDArray[np.float32]], options: Colour) -> NDArray[np.float32]:
+def _scales(magnitudes: list[Floats32], options: Colour) -> Floats32:
     if options.normalisation == "shared" and magnitudes:
         shared = _percentile(np.stack(magnitudes), options.percentile)
         scale = np.full(len(magnitudes), shared, np.float32)
@@ -130,7 +128,7 @@ def _scales(magnitudes: list[NDArray[np.float32]], options: Colour) -> NDArray[n
     return scale
 
 
-def _percentile(values: NDArray[np.float32], percentile: float) -> float:
+def _percentile(values: Floats32, percentile: float) -> float:
     """np.percentile by partial sort, ten times faster on small maps."""
     flat = values.ravel()
     place = percentile / 100 * (flat.size - 1)

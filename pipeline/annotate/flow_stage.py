@@ -11,13 +11,12 @@ from typing import Any
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.data.cameras import extrinsics_cv
 from pipeline.data.episode.file import EpisodeFile
 from pipeline.data.episode.frames import decode_frame
 from pipeline.data.names import HEAD
-from pipeline.poses import Floats, inverse, matrix
+from pipeline.poses import Floats, Floats32, Pixels, inverse, matrix
 
 from .flow import bit_stable, colour_flow, flow_of, previous_frames, shrink_grey
 from .options import FlowOptions
@@ -97,9 +96,7 @@ def pixel_rays(shape: Sequence[int], k: Floats) -> Floats:
     return np.stack(np.broadcast_arrays(x, y, np.ones((height, width))), -1)
 
 
-def exact_flow(
-    depth: Floats, segmentation: NDArray[np.uint8], k: Floats, motions: Floats
-) -> NDArray[np.float32]:
+def exact_flow(depth: Floats, segmentation: Pixels, k: Floats, motions: Floats) -> Floats32:
     """Flow (H,W,2) px at the pixels of frame a, x right and y down.
 
     `depth` (H,W) m (0 = nothing hit), `segmentation` (H,W) body index + 1, `k` (3,3). Points that
@@ -124,7 +121,7 @@ def exact_flow(
     return flow
 
 
-def shrink_flow(flow: NDArray[np.float32], size: tuple[int, int]) -> NDArray[np.float32]:
+def shrink_flow(flow: Floats32, size: tuple[int, int]) -> Floats32:
     """Shrink (H,W,2) px to (h,w,2) px of the small image, by area average; `size` = (width,
     height)."""
     height, width = flow.shape[:2]
@@ -135,9 +132,7 @@ def shrink_flow(flow: NDArray[np.float32], size: tuple[int, int]) -> NDArray[np.
     return np.asarray(small, np.float32) * np.array([size[0] / width, size[1] / height], np.float32)
 
 
-def exact_flows(
-    view: SimView, bodies: Floats, stride: int, size: tuple[int, int]
-) -> NDArray[np.float32]:
+def exact_flows(view: SimView, bodies: Floats, stride: int, size: tuple[int, int]) -> Floats32:
     """Exact flow (T,h,w,2) px at `size` of the frames (max(0, t-stride), t); body poses (T,B,7)."""
     assert view.depth is not None
     flow, cameras = np.zeros((len(view.depth), *size[::-1], 2), np.float32), view.poses

@@ -5,11 +5,11 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.data.episode.file import open_episode
 from pipeline.data.names import HEAD
 from pipeline.data.slots.annotations import Entry, annotation_path, read_entry, stages_of
+from pipeline.poses import Bools, Pixels
 
 from .flow import Colour, colour_flow
 
@@ -17,7 +17,7 @@ WIDTH = 200  # pixels of a frame
 COLOURS = ((255, 196, 0), (0, 200, 255), (255, 64, 160), (120, 255, 80))
 
 
-def mask_overlay(rgb: NDArray[np.uint8], masks: NDArray[np.bool_]) -> NDArray[np.uint8]:
+def mask_overlay(rgb: Pixels, masks: Bools) -> Pixels:
     tinted = rgb.copy()
     for mask, colour in zip(masks, COLOURS * (1 + len(masks) // len(COLOURS)), strict=False):
         tinted[mask] = (0.55 * tinted[mask] + 0.45 * np.array(colour)).astype(np.uint8)
@@ -29,7 +29,7 @@ def mask_overlay(rgb: NDArray[np.uint8], masks: NDArray[np.bool_]) -> NDArray[np
 
 def annotation_sheet(
     dataset: Path, episode: Path, camera: str = HEAD, frames: Sequence[int] | None = None
-) -> NDArray[np.uint8] | None:
+) -> Pixels | None:
     """Frames with masks and flow, (H,W,3), by default six; None if that camera has neither."""
     entries: dict[str, list[tuple[str, Entry]]] = {"flow": [], "masks": []}
     for directory, stage in stages_of(dataset).items():
@@ -43,7 +43,7 @@ def annotation_sheet(
         chosen = spread if frames is None else list(frames)
         images = [e.rgb(camera, t) for t in chosen]
     size = (WIDTH, round(WIDTH * images[0].shape[0] / images[0].shape[1]))
-    rows = list[NDArray[np.uint8]]()
+    rows = list[Pixels]()
     for source, entry in entries["masks"]:
         shown = [mask_overlay(p, m) for p, m in zip(images, entry.masks(chosen), strict=True)]
         rows.append(
@@ -57,9 +57,7 @@ def annotation_sheet(
     return np.concatenate(rows)
 
 
-def _row(
-    title: str, images: Sequence[NDArray[np.uint8]], size: tuple[int, int]
-) -> NDArray[np.uint8]:
+def _row(title: str, images: Sequence[Pixels], size: tuple[int, int]) -> Pixels:
     row = np.hstack([cv2.resize(p, size, interpolation=cv2.INTER_AREA) for p in images])
     head, font = np.full((18, row.shape[1], 3), 30, np.uint8), cv2.FONT_HERSHEY_SIMPLEX
     cv2.putText(head, title, (6, 13), font, 0.42, (235, 235, 235), 1, cv2.LINE_AA)

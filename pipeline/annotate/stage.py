@@ -16,7 +16,7 @@ from pipeline.data.episode.world import WorldTruth
 from pipeline.data.errors import DominoError
 from pipeline.data.keys import arrays_digest, canonical, frames_digest
 from pipeline.data.slots.annotations import scene_input
-from pipeline.poses import Floats
+from pipeline.poses import Floats, Pixels
 
 MOST_STRIDE = 600
 """Frames between the two images of a flow pair at most: ten seconds at the highest recording
@@ -127,7 +127,7 @@ def frames_inputs(frames: list[bytes]) -> dict[str, Any]:
     return {"frames": frames_digest(frames)}
 
 
-def decode_frames(frames: list[bytes]) -> NDArray[np.uint8]:
+def decode_frames(frames: list[bytes]) -> Pixels:
     return np.stack([decode_frame(data) for data in frames])
 
 
@@ -137,7 +137,7 @@ class SimView:
     (3,3).
     """
 
-    segmentation: NDArray[np.uint8]
+    segmentation: Pixels
     depth: NDArray[np.uint16] | None
     poses: Floats
     k: Floats

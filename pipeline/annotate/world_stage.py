@@ -15,7 +15,7 @@ from pipeline.data.episode.file import Episode, EpisodeFile
 from pipeline.data.episode.world import BodyFacts, WorldTruth, contact_forces, twists_of
 from pipeline.data.keys import arrays_digest
 from pipeline.data.names import HEAD
-from pipeline.poses import Floats, inverse, matrix, quat_rotate, transform
+from pipeline.poses import Bools, Floats, inverse, matrix, quat_rotate, transform
 
 from .flow_stage import body_motions, exact_flow, pixel_rays
 from .options import WorldOptions
@@ -159,7 +159,7 @@ def point_tracks(
     }
 
 
-def _unoccluded(surfaces: Surfaces, xyz: Floats, xy: Floats) -> NDArray[np.bool_]:
+def _unoccluded(surfaces: Surfaces, xyz: Floats, xy: Floats) -> Bools:
     kind, k = surfaces.camera.type, intrinsics(surfaces.camera.type)
     column, row = np.floor(xy[..., 0]).astype(int), np.floor(xy[..., 1]).astype(int)
     inside = (xyz[..., 2] > 1e-6) & (column >= 0) & (row >= 0)

@@ -11,10 +11,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.data.actions import JOINTS
-from pipeline.poses import Floats
+from pipeline.poses import Floats, Pixels
 
 from .actions import ActionError, Answers
 from .names import is_built_in, make_policy
@@ -90,7 +89,7 @@ def probe_policy(name: PolicyName, policy: Policy, start: Start) -> PolicyName:
 
 def _answer_of(policy: Policy, start: Start) -> tuple[bytes, bytes]:
     contracts.begin(policy, start)
-    images = dict[str, NDArray[np.uint8]]()
+    images = dict[str, Pixels]()
     for camera, (height, width) in start.image_sizes.items():  # no encoder confuses it with another
         rows, columns = np.mgrid[:height, :width]
         bands = [rows * 255 // height, columns * 255 // width, (rows * columns) % 256]

@@ -8,7 +8,6 @@ from functools import wraps
 from typing import Concatenate
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.data.cameras import visible
 from pipeline.data.clock import DEFAULT_FPS, PHYSICS_HZ
@@ -17,7 +16,7 @@ from pipeline.planning.collision import ArmState, Carried, Obstacle, PlanningSce
 from pipeline.planning.failure import PlanFailure
 from pipeline.planning.planner import ArmPlanner, Planner, planner_of
 from pipeline.planning.trajectory import ArmTrajectory, smoothed
-from pipeline.poses import Floats, Pose, compose, inverse
+from pipeline.poses import Bools, Floats, Pose, compose, inverse
 from pipeline.world.cameras import cameras_of
 from pipeline.world.objects.contract import NamedFrames
 from pipeline.world.physics.body import Body
@@ -155,7 +154,7 @@ class Actor:
         }
         return PlanningScene(arms, obstacles, carried, self._sees)
 
-    def _sees(self, points: Floats) -> NDArray[np.bool_]:
+    def _sees(self, points: Floats) -> Bools:
         """Which world points (N,3) the head camera, a D435, has in its image."""
         head = cameras_of(self.planner.embodiment)[0]
         return visible(head.type, head.pose, points)

@@ -4,12 +4,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from pipeline.planning.failure import PlanFailure
 from pipeline.planning.kinematics import limit_margin
 from pipeline.planning.planner import ArmPlanner
-from pipeline.poses import Floats, Pose, compose, inverse, pose, quat_about, quat_rotate
+from pipeline.poses import Bools, Floats, Pose, compose, inverse, pose, quat_about, quat_rotate
 from pipeline.world.objects.contract import Grasp
 
 from .actor import Actor
@@ -59,7 +59,7 @@ def hand_poses(actor: Actor, side: str, bodies: Floats) -> Floats:
     return compose(bodies, inverse(actor.in_hand(side))[None])
 
 
-def near_one(directions: Floats, avoid: Sequence[Floats]) -> NDArray[np.bool_]:
+def near_one(directions: Floats, avoid: Sequence[Floats]) -> Bools:
     """Which directions (N,3) lie within GRASP.avoided of one of `avoid` (3,)."""
     near = [directions @ other > np.cos(GRASP.avoided) for other in avoid]
     return np.any(near, axis=0) & np.ones(len(directions), bool)
@@ -122,9 +122,7 @@ def _fitting(
     return grasps, tcps, opening
 
 
-def _reaches_one(
-    arm: ArmPlanner, local: Floats, bodies: Floats, alive: NDArray[np.bool_]
-) -> NDArray[np.bool_]:
+def _reaches_one(arm: ArmPlanner, local: Floats, bodies: Floats, alive: Bools) -> Bools:
     """Which grasps (N,) reach at least one of the body poses (G,7)."""
     out = np.zeros(len(local), bool)
     for body in bodies:

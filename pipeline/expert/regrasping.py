@@ -5,12 +5,11 @@ from dataclasses import replace
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.planning.collision import Obstacle
 from pipeline.planning.failure import PlanFailure
 from pipeline.planning.planner import ArmPlanner
-from pipeline.poses import Floats, Pose, compose, inverse, yawed
+from pipeline.poses import Floats, Ints, Pose, compose, inverse, yawed
 from pipeline.world.physics.body import TABLE_TOP, apart
 
 from .actor import Actor, Skill, Skills, Steps
@@ -119,7 +118,7 @@ def _free_places(a: Actor, side: str, name: str) -> Floats:
     return np.array(free).reshape(-1, 7)
 
 
-def _reached(arm: ArmPlanner, bodies: Floats, local: Floats) -> NDArray[np.int64]:
+def _reached(arm: ArmPlanner, bodies: Floats, local: Floats) -> Ints:
     """How many of the tcp poses `local` are in reach for each body pose (B,7)."""
     some = local[:: max(1, len(local) // SEAT.grasps)]
     counts = [int(arm.solve(compose(body[None], some))[1].sum()) for body in bodies]

@@ -18,15 +18,13 @@ from pipeline.data.episode.frames import encode_mp4
 from pipeline.data.names import HEAD
 from pipeline.data.recipe.model import Cell
 from pipeline.data.spec import EpisodeSpec
-from pipeline.poses import Floats
+from pipeline.poses import Bools, Floats, Pixels
 
 MEETING_COLOR = (255, 196, 0)
 NEAREST = 0.05  # m in front of the camera; nearer points project to nonsense
 BETWEEN = "  |  "
 TITLE, GAP = 28, 6  # pixels of a sheet above a row and between frames
 _SUBPIXEL = 4  # bits: cv2 draws at 1/16 pixel
-
-type Pixels = NDArray[np.uint8]
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,7 +148,7 @@ def meeting_frame(episode: Episode) -> int | None:
 
 def path_pixels(
     kind: CameraType, cameras: NDArray[np.floating], poses: Floats
-) -> tuple[Floats, NDArray[np.bool_]]:
+) -> tuple[Floats, Bools]:
     """Pixels (T,2) of a body's origin, and which (T,) are in front of the camera; poses (T,7) in
     the world.
     """
@@ -158,9 +156,7 @@ def path_pixels(
     return np.array([uv for uv, _ in seen]), np.array([depth > NEAREST for _, depth in seen])
 
 
-def draw_path(
-    rgb: Pixels, pixels: Floats, in_front: NDArray[np.bool_], now: int, meeting: int | None
-) -> None:
+def draw_path(rgb: Pixels, pixels: Floats, in_front: Bools, now: int, meeting: int | None) -> None:
     """Draw the path (T,2) px on an image (H,W,3), in place: coloured up to `now`, thin until the
     meeting.
     """

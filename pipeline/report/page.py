@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.data.atomic import remove, write_atomic
 from pipeline.data.dataset import Dataset, attempts_table
@@ -16,11 +15,12 @@ from pipeline.data.keys import digest
 from pipeline.data.recipe.model import Cell
 from pipeline.data.slots.files import Rows
 from pipeline.html import render_page
+from pipeline.poses import Pixels
 
 from .film_strip import BETWEEN, clip, encode, film, subtitle
 from .summary import EpisodeFacts, Group, summarise
 
-type SheetOf = Callable[[Path, Path], NDArray[np.uint8] | None]
+type SheetOf = Callable[[Path, Path], Pixels | None]
 """(dataset directory, episode relative to episodes/) -> image (H,W,3) uint8 RGB of its annotations,
 or None where it has none."""
 

@@ -17,6 +17,7 @@ from pipeline.data.slots.files import Rows
 from pipeline.data.slots.records import unpack_keys
 from pipeline.data.slots.reread import IndexWriter
 from pipeline.data.store.place import is_there
+from pipeline.poses import Bools, Ints
 from pipeline.registry import UnknownName
 from pipeline.stages.reasons import reasons_in
 
@@ -40,7 +41,7 @@ class SlotState:
     accepted: bool | None = None
 
 
-def judge_keys(recipe: Recipe, rows: Rows) -> tuple[list[SlotState], NDArray[np.int64]]:
+def judge_keys(recipe: Recipe, rows: Rows) -> tuple[list[SlotState], Ints]:
     """The states of groups of rows if their files are there, and the group of each (N,)."""
     keys, keeps = RecipeKeys(recipe), recipe.keep_failures != "none"
     groups = (rows.ranks * (recipe.variants + 1) + rows.variants) * 2 + rows.accepted
@@ -115,9 +116,7 @@ def missing(dataset: Dataset, recipe: Recipe, writer: IndexWriter) -> dict[Slot,
     return {slot: state for slot, state in each if state.todo != DONE}
 
 
-def redone(
-    recipe: Recipe, rows: Rows, there: NDArray[np.bool_]
-) -> Counter[tuple[str, tuple[str, ...]]]:
+def redone(recipe: Recipe, rows: Rows, there: Bools) -> Counter[tuple[str, tuple[str, ...]]]:
     """How many slots a build would make again, and why; `there` is (N,)."""
     (cases, of), found = judge_keys(recipe, rows), Counter[tuple[str, tuple[str, ...]]]()
     for here in (True, False):

@@ -4,7 +4,6 @@ from collections.abc import Callable, Collection, Mapping
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.data.setup import Setup
 from pipeline.expert.actor import SWEEP_HZ
@@ -12,7 +11,7 @@ from pipeline.motion.contract import Free, MotionRequest, NoMotion, Streams, Tar
 from pipeline.motion.models import back_calculate_motion
 from pipeline.motion.wrapped import CARRIED, Company, Rider
 from pipeline.planning.collision_pieces import Sweep
-from pipeline.poses import Floats, Pose, compose, inverse, quat_rotate
+from pipeline.poses import Bools, Floats, Pose, compose, inverse, quat_rotate
 from pipeline.tasks import middle
 from pipeline.world.physics.body import TABLE_TOP, colliders_of
 from pipeline.world.shapes import Collider
@@ -167,7 +166,7 @@ def _drawn(scene: Scene, dry: DryRun, setup: Setup, mover: Mover, free: Free) ->
     half = middle(body.pose, body.instance) - body.pose[:3]
     own = quat_rotate(inverse(body.pose)[3:], half)
 
-    def seen(path: Floats) -> NDArray[np.bool_]:
+    def seen(path: Floats) -> Bools:
         """Whether the camera sees the body's middle all along paths of positions or of poses."""
         middles = half if path.shape[-1] == 3 else quat_rotate(path[..., 3:], own)
         points = path[..., :3] + middles

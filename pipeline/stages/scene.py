@@ -5,7 +5,6 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.data.cameras import visible
 from pipeline.data.episode.events import DrawnEvent, by_role, draw_events, exchanged
@@ -16,7 +15,7 @@ from pipeline.data.spec import EpisodeSpec
 from pipeline.expert.actor import Actor
 from pipeline.motion.scenery import Prop
 from pipeline.planning.failure import PlanFailure
-from pipeline.poses import Floats
+from pipeline.poses import Bools, Floats
 from pipeline.tasks import TASKS, Draw, Task, lay_out
 from pipeline.tasks.contract import TRACKING
 from pipeline.tasks.language.sentences import Wording
@@ -153,7 +152,7 @@ class Scene:
             self.task.step_limit,
         )
 
-    def sees(self, points: Floats, camera: str = "D435") -> NDArray[np.bool_]:
+    def sees(self, points: Floats, camera: str = "D435") -> Bools:
         """Which world points (...,3) the head camera sees, with a margin."""
         head = cameras_of(self.embodiment, camera)[0]
         blockers = [self.bodies[name] for name in self.clutter]
@@ -180,7 +179,7 @@ class Scene:
         """The success conditions at the end of the log, by name."""
         return self.task.conditions(self.outcome(log), self.by_role(log)[0].arms)
 
-    def condition_history(self, log: StateLog) -> dict[str, NDArray[np.bool_]]:
+    def condition_history(self, log: StateLog) -> dict[str, Bools]:
         """Conditions (T,) by name for the log cut after each frame."""
         outcome, arms = self.outcome(log), self.by_role(log)[0].arms
         rows = [

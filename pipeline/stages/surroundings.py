@@ -3,11 +3,10 @@
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.data.setup.rules import STRICT, Layout, Rules
 from pipeline.data.spec import EpisodeSpec
-from pipeline.poses import Floats, Pose, inverse, transform, yawed
+from pipeline.poses import Bools, Floats, Pose, inverse, transform, yawed
 from pipeline.tasks import middle
 from pipeline.tasks.contract import drawn_kind, family_of, name_of
 from pipeline.world.objects.contract import Family
@@ -99,7 +98,7 @@ def clutter(
     return found
 
 
-def occluded(blockers: list[Body], camera: Pose, points: Floats) -> NDArray[np.bool_]:
+def occluded(blockers: list[Body], camera: Pose, points: Floats) -> Bools:
     """Which world points (...,3) a camera above the table cannot see for a body before them."""
     out = np.zeros(points.shape[:-1], bool)
     for body in blockers:

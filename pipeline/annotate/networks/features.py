@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.annotate.stage import AnnotateError
+from pipeline.poses import Bools, Floats32, Pixels
 
 from .models import ModelFiles, image_settings, inference, load_model, pixels
 
@@ -41,7 +42,7 @@ def load_encoder(files: ModelFiles, size: int, device: str) -> Encoder:
     return Encoder(model, settings, size, size // patch, prefix, device)
 
 
-def patch_tokens(encoder: Encoder, frames: NDArray[np.uint8]) -> NDArray[np.float32]:
+def patch_tokens(encoder: Encoder, frames: Pixels) -> Floats32:
     """Normalised patch tokens (N,grid,grid,D) of frames (N,H,W,3)."""
     with inference(encoder.device):
         x = pixels(frames, (encoder.size, encoder.size), encoder.settings, encoder.device)
@@ -49,22 +50,20 @@ def patch_tokens(encoder: Encoder, frames: NDArray[np.uint8]) -> NDArray[np.floa
     return tokens.reshape(len(frames), encoder.grid, encoder.grid, -1).cpu().numpy()
 
 
-def overlap(pixels_along: int, patches: int) -> NDArray[np.float32]:
+def overlap(pixels_along: int, patches: int) -> Floats32:
     """Matrix (patches, pixels): covered length in patches; rows sum to 1."""
     edges = np.arange(pixels_along + 1) * patches / pixels_along
     low, high, place = edges[:-1], edges[1:], np.arange(patches)[:, None]
     return np.clip(np.minimum(high, place + 1) - np.maximum(low, place), 0, None).astype(np.float32)
 
 
-def area_weights(mask: NDArray[np.bool_], grid: tuple[int, int]) -> NDArray[np.float32]:
+def area_weights(mask: Bools, grid: tuple[int, int]) -> Floats32:
     """Covered fraction of each patch (..., rows, columns) for masks (...,H,W), exactly."""
     rows, columns = overlap(mask.shape[-2], grid[0]), overlap(mask.shape[-1], grid[1])
     return np.asarray(rows @ mask.astype(np.float32) @ columns.T, np.float32)
 
 
-def pool(
-    tokens: NDArray[np.float32], mask: NDArray[np.bool_]
-) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+def pool(tokens: Floats32, mask: Bools) -> tuple[Floats32, Floats32]:
     """Features (N,K,D), the mean of tokens (N,g,g,D) under masks (N,K,H,W), and coverage (N,K)
     in patches.
     """
@@ -75,8 +74,8 @@ def pool(
 
 
 def features_of(
-    encoder: Encoder, frames: NDArray[np.uint8], mask: NDArray[np.bool_], batch: int
-) -> tuple[NDArray[np.float16], NDArray[np.float32]]:
+    encoder: Encoder, frames: Pixels, mask: Bools, batch: int
+) -> tuple[NDArray[np.float16], Floats32]:
     """Features (T,K,D) fp16 and coverage (T,K) of frames (T,H,W,3)."""
     spans = [slice(start, start + batch) for start in range(0, len(frames), batch)]
     parts = [pool(patch_tokens(encoder, frames[span]), mask[span]) for span in spans]

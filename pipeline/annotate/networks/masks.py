@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.annotate.options import MaskOptions
+from pipeline.poses import Bools, Floats32, Pixels
 
 from .models import ModelFiles, image_settings, inference, load_model, pixels
 
@@ -19,10 +20,10 @@ class Masks:
     phrases [K][T].
     """
 
-    mask: NDArray[np.bool_]
-    box: NDArray[np.float32]
-    score: NDArray[np.float32]
-    valid: NDArray[np.bool_]
+    mask: Bools
+    box: Floats32
+    score: Floats32
+    valid: Bools
     phrases: list[list[str]]
 
     @property
@@ -81,11 +82,11 @@ def detector_size(height: int, width: int, short: int, long: int) -> tuple[int, 
 
 def detect(
     detector: Detector,
-    frames: NDArray[np.uint8],
+    frames: Pixels,
     caption: str,
     box_threshold: float,
     text_threshold: float,
-) -> tuple[NDArray[np.float32], NDArray[np.float32], list[str]]:
+) -> tuple[Floats32, Floats32, list[str]]:
     """Best box (N,4) px x0 y0 x1 y1, its score (N,), 0 if none passes, and its words, for frames
     (N,H,W,3).
     """
@@ -118,9 +119,7 @@ def detect(
     return boxes * detected[:, None], scores * detected, phrases
 
 
-def segment(
-    segmenter: Segmenter, frames: NDArray[np.uint8], boxes: NDArray[np.float32]
-) -> NDArray[np.bool_]:
+def segment(segmenter: Segmenter, frames: Pixels, boxes: Floats32) -> Bools:
     """Masks (N,K,H,W) of boxes (N,K,4) px in frames (N,H,W,3)."""
     import torch
     import torch.nn.functional as functional
@@ -140,7 +139,7 @@ def segment(
 def model_masks(
     detector: Detector,
     segmenter: Segmenter,
-    frames: NDArray[np.uint8],
+    frames: Pixels,
     captions: tuple[str, ...],
     options: MaskOptions,
 ) -> Masks:
@@ -164,9 +163,7 @@ def model_masks(
     return Masks(mask, box, score, valid, phrases)
 
 
-def exact_masks(
-    segmentation: NDArray[np.uint8], bodies: list[str], objects: tuple[str, ...]
-) -> Masks:
+def exact_masks(segmentation: Pixels, bodies: list[str], objects: tuple[str, ...]) -> Masks:
     """Masks of objects and their parts ("cabinet/drawer") from a segmentation (T,H,W). Boxes are
     tight, scores 1.
     """
@@ -179,7 +176,7 @@ def exact_masks(
     return Masks(mask, tight_boxes(mask), np.asarray(valid, np.float32), np.asarray(valid), [])
 
 
-def tight_boxes(mask: NDArray[np.bool_]) -> NDArray[np.float32]:
+def tight_boxes(mask: Bools) -> Floats32:
     """Smallest boxes (...,4) px x0 y0 x1 y1 around masks (...,H,W), upper ends exclusive; zeros
     if empty.
     """
@@ -192,6 +189,6 @@ def tight_boxes(mask: NDArray[np.bool_]) -> NDArray[np.float32]:
     return box * np.asarray(mask.any((-2, -1)))[..., None]
 
 
-def pack(mask: NDArray[np.bool_]) -> NDArray[np.uint8]:
+def pack(mask: Bools) -> Pixels:
     """Masks (T,K,H,W) -> bits (T,K,ceil(H W / 8)) uint8."""
     return np.packbits(mask.reshape(*mask.shape[:2], -1), axis=-1)

@@ -7,11 +7,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.annotate.stage import AnnotateError, digest
 from pipeline.data.keys import file_hash
 from pipeline.data.parsing import read_json
+from pipeline.poses import Pixels
 
 _SAM, _DINO2 = ("tiny", "small", "base-plus", "large"), ("small", "base", "large", "giant")
 _DINO3 = ("vits16", "vitb16", "vitl16")
@@ -117,9 +117,7 @@ def image_settings(files: ModelFiles) -> dict[str, Any]:
     return {name: settings.get(name, value) for name, value in defaults.items()}
 
 
-def pixels(
-    frames: NDArray[np.uint8], size: tuple[int, int], settings: dict[str, Any], device: str
-) -> Any:
+def pixels(frames: Pixels, size: tuple[int, int], settings: dict[str, Any], device: str) -> Any:
     """Frames (N,H,W,3) uint8 as a normalised tensor (N,3,h,w) float32; `size` = (height, width)."""
     import torch
     import torch.nn.functional as functional

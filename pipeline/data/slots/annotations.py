@@ -19,6 +19,7 @@ from pipeline.data.episode.state_log import StateLog
 from pipeline.data.keys import arrays_digest, canonical
 from pipeline.data.parsing import parse_json
 from pipeline.data.reading import read_regular
+from pipeline.poses import Bools
 
 
 class CorruptAnnotation(Exception):
@@ -34,7 +35,7 @@ class Entry:
     attributes: Mapping[str, Any]
     checksum: str
 
-    def masks(self, at: Any = ...) -> NDArray[np.bool_]:
+    def masks(self, at: Any = ...) -> Bools:
         """Masks (...,H,W) that are stored as bits: (T,K,...), or those `at` an index."""
         height, width = self.attributes["height"], self.attributes["width"]
         bits = np.unpackbits(self.arrays["mask"][at], axis=-1, count=height * width)

@@ -7,7 +7,6 @@ from typing import Any
 
 import gymnasium
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.data.clock import DEFAULT_FPS
 from pipeline.data.recipe.model import Cell
@@ -28,6 +27,7 @@ from pipeline.evaluate.scenes.trial import (
 )
 from pipeline.evaluate.scoring.metrics import score
 from pipeline.motion.models import levels_of
+from pipeline.poses import Floats32, Pixels
 from pipeline.tasks import TASKS
 from pipeline.tasks.layout import can_do
 from pipeline.world.robots import get_embodiment
@@ -39,7 +39,7 @@ OBSERVATIONS = ("policy", "state")
 REWARDS = ("score", "dense")
 
 
-class DominoEnv(gymnasium.Env[Any, NDArray[np.float32]]):
+class DominoEnv(gymnasium.Env[Any, Floats32]):
     """One task x embodiment x level x alpha x domain (docs/reinforcement_learning.md). `setup` is
     a Setup, keys of one, or the directory of a dataset.
 
@@ -164,7 +164,7 @@ class DominoEnv(gymnasium.Env[Any, NDArray[np.float32]]):
         info = {"is_success": False, "task_description": self.task_description}
         return self._observe(progress), info
 
-    def step(self, action: NDArray[np.float32]) -> tuple[Any, float, bool, bool, dict[str, Any]]:
+    def step(self, action: Floats32) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """One control period. Raises ActionError for an action of another shape or that is not
         finite."""
         trial, info = self.trial, dict[str, Any]()
@@ -186,7 +186,7 @@ class DominoEnv(gymnasium.Env[Any, NDArray[np.float32]]):
         over = bool(trial.ending) and not truncated
         return self._observe(progress), reward, over, truncated, info
 
-    def render(self) -> NDArray[np.uint8] | None:
+    def render(self) -> Pixels | None:
         if self.render_mode is None or self._eyes is None:
             return None
         return next(iter(self._eyes.look(self.trial.recorder).images.values()))

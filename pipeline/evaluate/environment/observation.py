@@ -6,13 +6,12 @@ from typing import Any, NamedTuple
 
 import gymnasium
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.data.setup import Setup
 from pipeline.evaluate.actions import POSE_NAMES, joint_limits
 from pipeline.evaluate.policies.policy import Observation
 from pipeline.evaluate.scenes.trial import SUCCESS, Trial
-from pipeline.poses import Floats
+from pipeline.poses import Floats, Floats32
 from pipeline.tasks import Draw, Task
 from pipeline.tasks.contract import TRACKING
 from pipeline.world.cameras import setup_cameras
@@ -183,5 +182,5 @@ def bodies_of(task: Task) -> tuple[str, ...]:
     return (task.target, *(name for name in placed if name != task.target))
 
 
-def _within(space: Box, values: Floats) -> NDArray[np.float32]:
+def _within(space: Box, values: Floats) -> Floats32:
     return np.minimum(np.maximum(values.astype(np.float32), space.low), space.high)

@@ -5,17 +5,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.data.names import EXPORTED_CAMERAS
+from pipeline.poses import Pixels
 
 DATASET_CAMERAS: dict[str, str] = {name: camera for camera, name in EXPORTED_CAMERAS.items()}
 
 
-def scaled(image: NDArray[np.uint8], size: tuple[int, int]) -> NDArray[np.uint8]:
+def scaled(image: Pixels, size: tuple[int, int]) -> Pixels:
     if image.shape[:2] == size:
         return image
     return np.asarray(cv2.resize(image, size[::-1], interpolation=cv2.INTER_AREA), np.uint8)
 
 
-def pad_to_square(image: NDArray[np.uint8], size: int) -> NDArray[np.uint8]:
+def pad_to_square(image: Pixels, size: int) -> Pixels:
     """The image (H,W,3) in the middle of a black square of `size` pixels."""
     height, width = image.shape[:2]
     scale = size / max(height, width)

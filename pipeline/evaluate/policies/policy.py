@@ -19,6 +19,7 @@ from pipeline.evaluate.actions import ActionError, check_action
 from pipeline.evaluate.lines import line_of
 from pipeline.evaluate.scenes.case import Case
 from pipeline.evaluate.scenes.trial import CameraViews, Eyes, Trial
+from pipeline.poses import Floats, Floats32, Pixels
 
 LONGEST_CHUNK = 1000
 
@@ -66,18 +67,18 @@ class Observation:
     With sensors depth (H,W) uint16 in mm (0 = nothing), bodies (H,W) uint8, points (N,6): x y z
     (m, world), r g b (0-1). On an `async` clock `committed` (N,A) are executed meanwhile."""
 
-    joints: NDArray[np.float64]
+    joints: Floats
     instruction: str
     time: float
-    images: Mapping[str, NDArray[np.uint8]] = field(default_factory=dict)
+    images: Mapping[str, Pixels] = field(default_factory=dict)
     depth: Mapping[str, NDArray[np.uint16]] = field(default_factory=dict)
-    segmentation: Mapping[str, NDArray[np.uint8]] = field(default_factory=dict)
-    pointcloud: NDArray[np.float32] | None = None
-    committed: NDArray[np.float64] | None = None
+    segmentation: Mapping[str, Pixels] = field(default_factory=dict)
+    pointcloud: Floats32 | None = None
+    committed: Floats | None = None
 
 
 def observe(
-    trial: Trial, eyes: Eyes | None, words: str, committed: NDArray[np.float64] | None = None
+    trial: Trial, eyes: Eyes | None, words: str, committed: Floats | None = None
 ) -> Observation:
     seen = eyes.look(trial.recorder) if eyes else CameraViews()
     joints = trial.recorder.state.copy()
@@ -166,7 +167,7 @@ def count_inferences(policy: object) -> int | None:
     return int(count) if count >= 0 else None
 
 
-def chunk_of(answer: ArrayLike, length: int) -> NDArray[np.float64]:
+def chunk_of(answer: ArrayLike, length: int) -> Floats:
     """An answer as (H,A). Raises ActionError."""
     try:
         values = np.asarray(answer)

@@ -14,7 +14,7 @@ from pipeline.data.names import HEAD
 from pipeline.data.setup import DEFAULT, Setup
 from pipeline.evaluate.actions import check_action, interpolate_targets, joint_limits
 from pipeline.expert.actor import Actor
-from pipeline.poses import Floats, inverse, transform
+from pipeline.poses import Floats, Floats32, Pixels, inverse, transform
 from pipeline.stages.drawing.exposure import Lapses, photograph
 from pipeline.stages.drawing.render import appearance_of, renderer
 from pipeline.stages.scene import Scene
@@ -205,10 +205,10 @@ def _and(rows: Floats, row: Floats) -> Floats:
 
 @dataclass(eq=False)
 class CameraViews:
-    images: dict[str, NDArray[np.uint8]] = field(default_factory=dict[str, NDArray[np.uint8]])
+    images: dict[str, Pixels] = field(default_factory=dict[str, Pixels])
     depth: dict[str, NDArray[np.uint16]] = field(default_factory=dict[str, NDArray[np.uint16]])
-    segmentation: dict[str, NDArray[np.uint8]] = field(default_factory=dict[str, NDArray[np.uint8]])
-    pointcloud: NDArray[np.float32] | None = None
+    segmentation: dict[str, Pixels] = field(default_factory=dict[str, Pixels])
+    pointcloud: Floats32 | None = None
 
 
 class Eyes:

@@ -5,11 +5,11 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.evaluate.policies.fit import scaled
+from pipeline.poses import Pixels
 
-Image = NDArray[np.uint8]
+Image = Pixels
 
 CLOCK_TOLERANCE = 1e-3  # s
 

@@ -29,7 +29,7 @@ from pipeline.evaluate.policies.policy import (
     count_inferences,
     policy_seed,
 )
-from pipeline.poses import Floats
+from pipeline.poses import Floats, Pixels
 from pipeline.world.robots import get_embodiment
 
 from .messages import FAILED, INVALID, REFUSED, MessageError, pack, unpack
@@ -237,11 +237,11 @@ def _setup_of(values: Mapping[str, Any]) -> Setup:
         raise MessageError(line_of_text(error)) from error
 
 
-def _plain_images(images: object) -> dict[str, NDArray[np.uint8]]:
+def _plain_images(images: object) -> dict[str, Pixels]:
     """(H,W,3) by our cameras, from (3,H,W) or (H,W,3)."""
     if not isinstance(images, dict):
         raise MessageError("images is no map from cameras to arrays")
-    out = dict[str, NDArray[np.uint8]]()
+    out = dict[str, Pixels]()
     for name, image in ((str(name), image) for name, image in images.items()):
         rgb = isinstance(image, np.ndarray) and image.dtype == np.uint8 and image.ndim == 3
         if not rgb or 3 not in (image.shape[0], image.shape[2]):

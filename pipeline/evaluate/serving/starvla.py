@@ -21,7 +21,7 @@ from pipeline.evaluate.actions import ActionError
 from pipeline.evaluate.lines import line_of_text
 from pipeline.evaluate.policies.fit import first_rows, scaled
 from pipeline.evaluate.policies.policy import NoAnswer, Observation, PolicyError, Start
-from pipeline.poses import Floats
+from pipeline.poses import Bools, Floats, Ints
 
 from .address import Address
 from .client import Bridge, open_again
@@ -160,7 +160,7 @@ class StarvlaClient(Bridge):
         return actions[0]
 
 
-def _indices(kind: str, keys: object, start: Start, of: Representation) -> NDArray[np.int64]:
+def _indices(kind: str, keys: object, start: Start, of: Representation) -> Ints:
     if not isinstance(keys, list):
         what = f"the server does not tell the order of its {kind}s"
         raise PolicyError(f"{what}: give ?action_keys=left_joints,left_gripper,... in its order")
@@ -177,7 +177,7 @@ class Statistics:
 
     low: Floats
     high: Floats
-    normalized: NDArray[np.bool_]
+    normalized: Bools
 
     def joints(self, actions: NDArray[Any]) -> Floats:
         """Joint targets (T,A) of actions (T,A) clipped to [-1, 1]."""

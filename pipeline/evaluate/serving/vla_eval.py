@@ -4,12 +4,12 @@ from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.data.clock import at_rate
 from pipeline.data.setup import Setup
 from pipeline.evaluate.environment.env import DominoEnv
 from pipeline.evaluate.scenes.case import UNSEEN, setup_of
+from pipeline.poses import Pixels
 from pipeline.tasks import TASKS
 from pipeline.world.robots import get_embodiment
 
@@ -114,7 +114,7 @@ class DominoEpisodes:
             return last_action
         return {"actions": np.asarray(self._last_result.obs["agent_pos"], np.float32)}
 
-    def render(self) -> NDArray[np.uint8] | None:
+    def render(self) -> Pixels | None:
         images = (self._last_result.obs or {}).get("pixels", {})
         return next(iter(images.values()), None)
 

@@ -23,7 +23,7 @@ from pipeline.export.options import jpeg_order_option, option
 from pipeline.export.shared.episodes import ExportError, Facts, group_episodes
 from pipeline.export.shared.images import POINTCLOUD, SENSORS, JpegOrder, reencode
 from pipeline.export.shared.record import json_text
-from pipeline.poses import Floats, compose, pose
+from pipeline.poses import Floats, Pixels, compose, pose
 
 FRONT = "front_camera"
 BEHIND_TCP = 0.12  # m
@@ -123,7 +123,7 @@ def episode_arrays(
     return arrays | ({POINTCLOUD: file.array(POINTCLOUD)} if file.has(POINTCLOUD) else {})
 
 
-def painted(labels: NDArray[np.uint8]) -> NDArray[np.uint8]:
+def painted(labels: Pixels) -> Pixels:
     """Segmentation (...) in the original's colors (...,3). Raises ExportError."""
     colors = sorted(set(ImageColor.colormap.values()))
     if labels.max() >= len(colors):

@@ -16,7 +16,7 @@ from pipeline.export.exporter import register
 from pipeline.export.options import ImageOptions, jpeg_order_option, one_of, option
 from pipeline.export.shared.episodes import ExportError, Facts, described_action, reading
 from pipeline.export.shared.images import padded, reencode, resize
-from pipeline.poses import Floats
+from pipeline.poses import Floats, Floats32
 
 from .hdf5_files import Contents, Hdf5Exporter
 
@@ -62,7 +62,7 @@ class Aloha(Hdf5Exporter[AlohaOptions]):
             "instructions/unseen": np.array(facts.unseen, text),
             "motion": np.array(facts.motion, text),
         }
-        sizes = list[NDArray[np.float32]]()
+        sizes = list[Floats32]()
         for name, camera in sorted(cameras.items()):
             images: list[Any]
             if coded:

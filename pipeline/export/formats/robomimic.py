@@ -22,6 +22,7 @@ from pipeline.export.options import ImageOptions
 from pipeline.export.shared.episodes import Facts, described_action
 from pipeline.export.shared.images import DEPTH, resize
 from pipeline.export.shared.tables import PROVENANCE
+from pipeline.poses import Floats32
 
 from .hdf5_files import Contents, Hdf5Exporter
 
@@ -120,7 +121,7 @@ def _split(row: Mapping[str, Any], validation: float) -> str:
     return "train" if int(hashlib.sha256(identity.encode()).hexdigest(), 16) % HELD_OUT else "valid"
 
 
-def _nearest(depth: NDArray[np.float32], size: tuple[int, int] | None) -> NDArray[np.float32]:
+def _nearest(depth: Floats32, size: tuple[int, int] | None) -> Floats32:
     """Depth (H,W), without mixing near and far values."""
     if size is None:
         return depth

@@ -9,11 +9,13 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from pipeline.poses import Floats32, Ints
+
 POLYNOMIAL = 0x82F63B78
 
 MASK_DELTA = 0xA282EAD8
 
-type Value = Sequence[bytes] | NDArray[np.float32] | NDArray[np.int64]
+type Value = Sequence[bytes] | Floats32 | Ints
 
 
 def example(features: Mapping[str, Value]) -> bytes:

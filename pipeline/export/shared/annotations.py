@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
-from numpy.typing import NDArray
 
 from pipeline.data.episode.file import EpisodeError, EpisodeFile
 from pipeline.data.keys import arrays_digest, frames_digest
@@ -22,6 +21,7 @@ from pipeline.data.slots.annotations import (
     scene_input,
     stages_of,
 )
+from pipeline.poses import Bools
 
 from .episodes import ExportError, Facts
 from .images import IMAGE, image_column, png
@@ -140,7 +140,7 @@ def _objects(entry: Entry, t: int, keys: Sequence[str]) -> list[dict[str, Any]]:
     ]
 
 
-def run_lengths(mask: NDArray[np.bool_]) -> list[int]:
+def run_lengths(mask: Bools) -> list[int]:
     """COCO's uncompressed run lengths of a mask (H,W)."""
     flat = mask.ravel(order="F")
     edges = np.flatnonzero(np.diff(flat)) + 1

@@ -3,14 +3,13 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.data.episode.events import by_role, spans
 from pipeline.data.episode.world import contact_forces, twists_of
 from pipeline.data.names import SIDES
 from pipeline.motion.models import motion_from_json
 from pipeline.motion.recorded import Interception, trace_ahead
-from pipeline.poses import Floats
+from pipeline.poses import Floats, Floats32
 
 from .episodes import ExportError, Facts
 
@@ -24,7 +23,7 @@ def interception(facts: Facts) -> Interception:
     return Interception(facts.meta, facts.log, motion)
 
 
-def event_columns(facts: Facts) -> tuple[list[str], NDArray[np.float32]]:
+def event_columns(facts: Facts) -> tuple[list[str], Floats32]:
     """Kinds (T,) in force at each frame, joined by +, and whether there are any."""
     active = [
         (span.event.kind, span.holds(facts.log.times))
@@ -34,7 +33,7 @@ def event_columns(facts: Facts) -> tuple[list[str], NDArray[np.float32]]:
     return kinds, np.array([kind != "" for kind in kinds], np.float32)
 
 
-def contact_flags(facts: Facts, body: str) -> NDArray[np.float32]:
+def contact_flags(facts: Facts, body: str) -> Floats32:
     """Flags (T,2), left and right: 1 after a touch in the interval that ends there."""
     log = by_role(facts.log, facts.meta.events, facts.meta.target)
     bodies, rows = log.bodies, log.contacts

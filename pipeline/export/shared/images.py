@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from pipeline.data.episode.file import EpisodeFile
 from pipeline.data.episode.frames import QUALITY, decode_frame
+from pipeline.poses import Pixels
 
 from .episodes import ExportError
 
@@ -46,11 +47,11 @@ def coded_images(file: EpisodeFile, camera: str, sensor: str) -> list[bytes]:
     return [png(image) for image in file.array(key)]
 
 
-def png(image: NDArray[np.uint16] | NDArray[np.uint8]) -> bytes:
+def png(image: NDArray[np.uint16] | Pixels) -> bytes:
     return cv2.imencode(".png", image)[1].tobytes()
 
 
-def resize(rgb: NDArray[np.uint8], size: tuple[int, int] | None) -> NDArray[np.uint8]:
+def resize(rgb: Pixels, size: tuple[int, int] | None) -> Pixels:
     """Image (H,W,3) at (height, width): area averaging to shrink, else bilinear."""
     if size is None:
         return rgb
@@ -69,7 +70,7 @@ def reencode(stored: bytes, order: JpegOrder, size: tuple[int, int] | None = Non
     return cv2.imencode(".jpg", image, quality)[1].tobytes()
 
 
-def padded(images: list[bytes]) -> NDArray[np.uint8]:
+def padded(images: list[bytes]) -> Pixels:
     """JPEG bytes as rows (T,N) uint8 that end in zeros."""
     rows = np.zeros((len(images), max(map(len, images))), np.uint8)
     for row, jpeg in zip(rows, images, strict=True):

@@ -7,6 +7,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.poses import Ints, Pixels
+
 from .video import samples
 
 TOGETHER = 8
@@ -30,13 +32,13 @@ def vector_stats(values: NDArray[Any]) -> Stats:
     }
 
 
-def sample_rows(length: int) -> NDArray[np.int64]:
+def sample_rows(length: int) -> Ints:
     """LeRobot's rule for image statistics: max(min(100, N), min(N^0.75, 10000))."""
     count = max(min(100, length), min(int(length**0.75), 10_000))
     return np.round(np.linspace(0, length - 1, count)).astype(np.int64)
 
 
-def color_counts(frames: Sequence[NDArray[np.uint8]]) -> NDArray[np.int64]:
+def color_counts(frames: Sequence[Pixels]) -> Ints:
     """Counts (3,256) in images (H,W,3), thinned to about 150 pixels as LeRobot does."""
     step = _thinning(*frames[0].shape[:2])
     return sum((_counts(f[::step, ::step]) for f in frames), np.zeros((3, 256), np.int64))
@@ -56,7 +58,7 @@ class PlaneCounts:
                 self._add(frame)
             yield frame
 
-    def counts(self) -> NDArray[np.int64]:
+    def counts(self) -> Ints:
         self._count()
         return self._counts
 
@@ -89,7 +91,7 @@ def _spread(chroma: Any, step: int) -> Any:
     return cv2.copyMakeBorder(chroma, 1, 0, 1, 0, cv2.BORDER_REPLICATE)
 
 
-def _at_pixels(spread: NDArray[np.uint8], step: int) -> NDArray[np.uint8]:
+def _at_pixels(spread: Pixels, step: int) -> Pixels:
     """For an even `step` the upper left of blocks of 2 by 2."""
     if step % 2:
         return spread
@@ -100,7 +102,7 @@ def _at_pixels(spread: NDArray[np.uint8], step: int) -> NDArray[np.uint8]:
     return pixels[:, :: step // 2, :: step // 2]
 
 
-def _thin(plane: NDArray[np.uint8], step: int) -> NDArray[np.uint8]:
+def _thin(plane: Pixels, step: int) -> Pixels:
     if step not in (2, 4, 8):
         return plane[::step, ::step].copy()
     # the low byte of an integer: many at a time
@@ -111,13 +113,13 @@ def _thinning(height: int, width: int) -> int:
     return 1 if max(height, width) < 300 else int((width if width > height else height) / 150)
 
 
-def _counts(rgb: Any) -> NDArray[np.int64]:
+def _counts(rgb: Any) -> Ints:
     rgb = np.ascontiguousarray(rgb)
     channels = [cv2.calcHist([rgb], [c], None, [256], [0, 256])[:, 0] for c in range(3)]
     return np.stack(channels).astype(np.int64)
 
 
-def image_stats(counts: NDArray[np.int64], frames: int) -> Stats:
+def image_stats(counts: Ints, frames: int) -> Stats:
     """Statistics (3,1,1) of colors in 0-1 from counts (3,256); `count` is of images."""
     values, total = np.arange(256) / 255.0, counts.sum(1)
     mean, present, below = counts @ values / total, counts > 0, np.cumsum(counts, axis=1)

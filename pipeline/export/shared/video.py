@@ -10,9 +10,9 @@ from typing import Any
 import av
 import numpy as np
 from av.error import FFmpegError
-from numpy.typing import NDArray
 
 from pipeline.data.episode.frames import EpisodeError
+from pipeline.poses import Pixels
 
 from .episodes import ExportError
 
@@ -88,7 +88,7 @@ def decoded_planes(jpegs: Iterable[bytes]) -> Iterator[Any]:
         yield frame
 
 
-def samples(plane: Any) -> NDArray[np.uint8]:
+def samples(plane: Any) -> Pixels:
     """A view (H,W): it shares the memory."""
     return np.frombuffer(plane, np.uint8).reshape(plane.height, plane.line_size)[:, : plane.width]
 
@@ -117,7 +117,7 @@ def encode(frames: Iterable[Any], fps: int, codec: Codec) -> bytes:
     return buffer.getvalue()
 
 
-def frames_of(path: Path | io.BytesIO) -> Iterator[tuple[float, NDArray[np.uint8]]]:
+def frames_of(path: Path | io.BytesIO) -> Iterator[tuple[float, Pixels]]:
     """Yield (time s, RGB image) of every frame of a video, in order."""
     with av.open(path if isinstance(path, io.BytesIO) else str(path), "r") as container:
         container.streams.video[0].thread_count = 1

@@ -6,13 +6,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.data.atomic import write_atomic
 from pipeline.data.cameras import Camera, CameraType, look
 from pipeline.html import render_page
 from pipeline.intake.objects.standing import instance_of
-from pipeline.poses import Pose, pose
+from pipeline.poses import Pixels, Pose, pose
 from pipeline.report.film_strip import encode
 from pipeline.world.drawing.renderer import Renderer
 from pipeline.world.looks.visuals import CLEAN
@@ -22,7 +21,7 @@ from pipeline.world.objects.geometry import at, box, cylinder
 from pipeline.world.physics.body import TABLE_TOP
 from pipeline.world.shapes import Material, Mesh
 
-Image = NDArray[np.uint8]
+Image = Pixels
 Part = tuple[Mesh, Material]
 
 ON_TABLE = pose((0, 0, TABLE_TOP))

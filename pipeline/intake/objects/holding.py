@@ -9,9 +9,8 @@ from functools import cache
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
-from pipeline.poses import Floats
+from pipeline.poses import Bools, Floats, Ints
 from pipeline.world.objects.contract import Grasp
 from pipeline.world.objects.grasping import HALF_PALM, PALM, RETREATS, WIDEST, pinches
 from pipeline.world.shapes import Collider
@@ -32,7 +31,7 @@ SEAM, HOLLOW = 0.0005, 0.02
 TIP, TABLE = 0.012, 0.004  # m the fingers reach past the tcp, and stay above the table
 KEPT = 160
 
-type Spans = tuple[Floats, Floats, NDArray[np.bool_]]
+type Spans = tuple[Floats, Floats, Bools]
 
 
 def two_finger_grasps(pieces: Sequence[Collider]) -> tuple[Grasp, ...]:
@@ -145,7 +144,7 @@ def _through(
     return lower, upper, enter, leave
 
 
-def _even(side: Floats) -> NDArray[np.bool_]:
+def _even(side: Floats) -> Bools:
     """Where three of the four neighbours of a line end as it does."""
     padded, (rows, columns) = np.pad(side, PAD, constant_values=np.inf), side.shape
     corners = ((2, 1), (0, 1), (1, 2), (1, 0))
@@ -180,7 +179,7 @@ def _hand_at_rest() -> tuple[Floats, Floats]:
     return rows[:, :3], rows[:, 3:] * [0.0, 1.0, 0.0]
 
 
-def _spread(rows: Floats, box: Floats) -> NDArray[np.int64]:
+def _spread(rows: Floats, box: Floats) -> Ints:
     """Kept rows: the most central, then always the one most unlike the others."""
     size = float(np.linalg.norm(box[1] - box[0]))
     ways = [rows[:, :3] / size, 0.25 * rows[:, 3:6], 0.25 * np.abs(rows[:, 6:9])]

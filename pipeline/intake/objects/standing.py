@@ -8,12 +8,21 @@ from functools import cache, lru_cache
 
 import numpy as np
 import trimesh
-from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 from trimesh.poses import compute_stable_poses
 
 from pipeline.intake.robots.simplify import Cut, convex_parts, corners
-from pipeline.poses import IDENTITY, Floats, Pose, inverse, pose, quat_rotate, transform
+from pipeline.poses import (
+    IDENTITY,
+    Bools,
+    Floats,
+    Ints,
+    Pose,
+    inverse,
+    pose,
+    quat_rotate,
+    transform,
+)
 from pipeline.world.objects.contract import FAMILIES, Family, Grasp
 from pipeline.world.objects.from_files import ObjectError, piece
 from pipeline.world.shapes import Collider
@@ -21,7 +30,7 @@ from pipeline.world.shapes import Collider
 CUT = Cut(threshold=0.06, pieces=14, resolution=500, iterations=20, hollow=1.15, tidy=True)
 
 
-def solid_of(points: Floats, faces: NDArray[np.int64], name: str) -> tuple[Collider, ...]:
+def solid_of(points: Floats, faces: Ints, name: str) -> tuple[Collider, ...]:
     """Convex pieces (m) of a mesh. Raises ObjectError for one that is flat."""
     try:
         parts = convex_parts(trimesh.Trimesh(points, faces), CUT)
@@ -40,12 +49,12 @@ def ways_to_stand(pieces: Sequence[Collider]) -> list[tuple[Floats, float]]:
     return [(np.array(turn[2, :3]), float(share)) for turn, share in zip(*stable, strict=True)]
 
 
-def inside(pieces: Sequence[Collider], points: Floats) -> NDArray[np.bool_]:
+def inside(pieces: Sequence[Collider], points: Floats) -> Bools:
     """Which points (N,3) of the body frame lie in one of the pieces."""
     return np.any([_in_piece(one, points) for one in pieces], axis=0)
 
 
-def _in_piece(one: Collider, points: Floats) -> NDArray[np.bool_]:
+def _in_piece(one: Collider, points: Floats) -> Bools:
     local = points if one.pose is IDENTITY else transform(inverse(one.pose), points)
     if one.kind == "box":
         return np.all(np.abs(local) <= one.size, axis=1)
@@ -125,7 +134,7 @@ def _turns(up: Floats) -> list[Floats]:
 
 
 @cache
-def _pattern(family: str) -> tuple[Floats, NDArray[np.bool_], Floats]:
+def _pattern(family: str) -> tuple[Floats, Bools, Floats]:
     """Bounds (2,3) of the family's first instance, filled cells, log proportions."""
     pieces = instance_of(family).shape().collision
     box = bounds(pieces)

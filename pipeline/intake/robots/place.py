@@ -8,13 +8,12 @@ from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.data.names import SIDES
 from pipeline.planning.budgets import IkBudget
 from pipeline.planning.collision import CollisionWorld
 from pipeline.planning.kinematics import Chain, chain_of, fk_batch, ik_many, limit_margin
-from pipeline.poses import Floats, compose, frame, pose, quat_about, quat_rotate, transform
+from pipeline.poses import Bools, Floats, compose, frame, pose, quat_about, quat_rotate, transform
 from pipeline.world.physics.body import TABLE_TOP
 from pipeline.world.robots.contract import Arm, Embodiment, arm_poses
 from pipeline.world.robots.directory import HEAD_CAMERA
@@ -91,7 +90,7 @@ def targets(height: float, pitch: float, azimuth: float, cells: Floats) -> Float
 
 def solve(
     robot: Embodiment, height: float, pitch: float, cells: Floats, scan: Scan
-) -> tuple[Floats, NDArray[np.bool_]]:
+) -> tuple[Floats, Bools]:
     """Left arm joints (N,n) and success (N,) for cells (N,2)."""
     arm = robot.arms["left"]
     chain = chain_of(arm)

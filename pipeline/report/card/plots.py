@@ -5,9 +5,9 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.motion.models import level_name, level_of
+from pipeline.poses import Floats
 
 from .survey import SurveyedEpisode
 
@@ -57,7 +57,7 @@ def plots(seen: Sequence[SurveyedEpisode]) -> bytes:
     return buffer.getvalue()
 
 
-def _edges(values: Sequence[Sequence[float] | NDArray[np.float64]]) -> list[float]:
+def _edges(values: Sequence[Sequence[float] | Floats]) -> list[float]:
     """Edges of 20 bins; nearly equal values fall into the middle ones."""
     every = np.concatenate([np.asarray(each, float) for each in values])
     low, high = float(every.min()), float(every.max())

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.data.cameras import CameraType, intrinsics
 from pipeline.data.episode.file import Episode, open_episode
@@ -23,7 +22,7 @@ from pipeline.motion.recorded import (
     is_hidden,
     is_unoccluded,
 )
-from pipeline.poses import Floats
+from pipeline.poses import Floats, Floats32
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,8 +47,8 @@ class SurveyedEpisode:
     speeds: Floats
     low: Floats
     high: Floats
-    visible: dict[str, NDArray[np.float32]]
-    last_visible: dict[str, NDArray[np.float32]]
+    visible: dict[str, Floats32]
+    last_visible: dict[str, Floats32]
 
     @property
     def level(self) -> tuple[str, int]:
@@ -84,9 +83,9 @@ def look(file: Path) -> SurveyedEpisode:
     )
 
 
-def _visible(episode: Episode) -> dict[str, NDArray[np.float32]]:
+def _visible(episode: Episode) -> dict[str, Floats32]:
     """Shares (T,) of the target's silhouette that are seen, by camera."""
-    meta, shares = episode.meta, dict[str, NDArray[np.float32]]()
+    meta, shares = episode.meta, dict[str, Floats32]()
     column = [name for name in meta.objects if name not in meta.clutter].index(meta.target)
     for camera in episode.cameras:
         stored = episode.interception.get(f"{TRACKS}{camera}/visible")

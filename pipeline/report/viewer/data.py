@@ -7,7 +7,6 @@ from typing import Any
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.data.episode.events import ENDED, FIRED, WITHHELD
 from pipeline.data.episode.file import EpisodeFile, open_episode
@@ -25,6 +24,7 @@ from pipeline.data.slots.annotations import (
 from pipeline.html import mp4_uri
 from pipeline.motion.models import motion_from_json
 from pipeline.motion.recorded import Interception, track
+from pipeline.poses import Floats
 from pipeline.report.film_strip import Pixels, encode, meeting_frame
 
 WIDTH, THUMBNAIL, FLOW = 320, 224, 100
@@ -209,5 +209,5 @@ def _fitting(images: Sequence[Pixels] | Pixels, width: int) -> Pixels:
     return np.asarray(scaled, np.uint8)
 
 
-def _round(values: NDArray[np.float64]) -> Any:
+def _round(values: Floats) -> Any:
     return np.round(values, 4).tolist()

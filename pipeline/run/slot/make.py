@@ -23,6 +23,7 @@ from pipeline.data.slots.records import FileFacts, SlotRecord, untimed
 from pipeline.data.store.place import place_of
 from pipeline.motion.models import motion_from_json
 from pipeline.motion.recorded import TRACKS, Interception, physics_arrays
+from pipeline.poses import Floats32
 from pipeline.report.page import failed_folder
 from pipeline.run.compile_ahead import ensure_compiled
 from pipeline.stages.attempt import Rollout
@@ -107,7 +108,7 @@ class Images:
     drawing: Drawing
     views: list[View]
     coded: list[NDArray[np.bytes_]]
-    pointcloud: NDArray[np.float32] | None = None
+    pointcloud: Floats32 | None = None
     tracks: Mapping[str, NDArray[Any]] = field(default_factory=dict[str, NDArray[Any]])
 
 

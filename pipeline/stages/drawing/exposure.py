@@ -4,11 +4,10 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.data.cameras import View
 from pipeline.data.episode.events import Span
-from pipeline.poses import Floats
+from pipeline.poses import Floats, Pixels
 from pipeline.world.drawing.renderer import Renderer
 from pipeline.world.drawing.sensing import LIGHT, Sensing, moved
 
@@ -45,7 +44,7 @@ class Lapses:
                             images[rows] = getattr(old, of)[0]
 
 
-def _dimmed(images: NDArray[np.uint8], share: float) -> NDArray[np.uint8]:
+def _dimmed(images: Pixels, share: float) -> Pixels:
     """sRGB images with a share of their light."""
     return np.rint(images * share ** (1 / 2.2)).clip(0, 255).astype(np.uint8)
 

@@ -5,7 +5,6 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.data.cameras import Camera, View
 from pipeline.data.episode.events import DrawnEvent, spans
@@ -19,7 +18,7 @@ from pipeline.data.setup import DEFAULT, Setup
 from pipeline.data.setup.brought import Brought, light_of, textures_of
 from pipeline.data.slots.assets import AssetError, AssetStore
 from pipeline.data.spec import EpisodeSpec
-from pipeline.poses import Floats
+from pipeline.poses import Floats, Floats32
 from pipeline.world.cameras import CameraError, check_links, setup_cameras, wanted_cameras
 from pipeline.world.drawing.renderer import Renderer
 from pipeline.world.drawing.sensing import Sensing, point_clouds
@@ -213,7 +212,7 @@ class Capture:
     """What cameras captured, and point clouds (T,N,6) if they are wanted."""
 
     views: list[View]
-    pointcloud: NDArray[np.float32] | None = None
+    pointcloud: Floats32 | None = None
 
 
 def capture(

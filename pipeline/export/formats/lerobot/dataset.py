@@ -5,9 +5,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from pipeline.data.process.machine import freeze_garbage
 from pipeline.data.spec import EpisodeSpec
 from pipeline.export.exporter import Exporter, Job
@@ -16,6 +13,7 @@ from pipeline.export.shared.episodes import EPISODES, FAILURES, Facts, exported_
 from pipeline.export.shared.record import write_card, write_json
 from pipeline.export.shared.statistics import Stats, image_stats, vector_stats
 from pipeline.export.shared.tables import Provenance
+from pipeline.poses import Ints
 
 from .format import (
     TEXT_FEATURES,
@@ -89,7 +87,7 @@ class Writer(ABC):
         self.features = features_of(first, self.codec, self.names)
         self.tasks: dict[str, int] = {}
         self.provenance = Provenance(root / "meta" / "domino_episodes.parquet", draft)
-        self.colors: dict[str, NDArray[np.int64]] = {}
+        self.colors: dict[str, Ints] = {}
         self.sampled = self.frames = 0
 
     def begin(self, episode: Prepared) -> tuple[int, dict[str, Any], dict[str, Stats]]:

@@ -16,13 +16,12 @@ from typing import Any
 
 import av
 import cv2
-import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.export.shared.episodes import ExportError, Facts, read_facts, reading
 from pipeline.export.shared.images import DEPTH, coded_images
 from pipeline.export.shared.statistics import PlaneCounts, sample_rows
 from pipeline.export.shared.video import decoded_planes, encode
+from pipeline.poses import Ints
 
 from .options import LerobotOptions
 
@@ -78,7 +77,7 @@ class Prepared:
 
     facts: Facts
     videos: Mapping[str, bytes]
-    colors: Mapping[str, NDArray[np.int64]]
+    colors: Mapping[str, Ints]
     sampled: int
     depth: Mapping[str, Sequence[bytes]]
 
@@ -90,7 +89,7 @@ def prepare(path: Path, dataset: Path, options: LerobotOptions) -> Prepared:
         facts = replace(facts, more=options.more_representations, labels=options.labels)
         if facts.size[0] % 2 or facts.size[1] % 2:
             raise ExportError(f"{path}: height and width of images must be even, not {facts.size}")
-        maps, videos, colors = {}, dict[str, bytes](), dict[str, NDArray[np.int64]]()
+        maps, videos, colors = {}, dict[str, bytes](), dict[str, Ints]()
         if getattr(options, "depth", False):
             maps = {c: coded_images(file, c, DEPTH)[: facts.kept] for c in file.cameras}
         rows = frozenset(sample_rows(facts.kept).tolist())
