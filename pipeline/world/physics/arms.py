@@ -7,7 +7,15 @@ from functools import lru_cache
 import numpy as np
 import sapien
 from numpy.typing import ArrayLike
-from sapien.physx import PhysxArticulation, PhysxArticulationJoint, PhysxMaterial
+from sapien import physx
+from sapien.physx import (
+    PhysxArticulation,
+    PhysxArticulationJoint,
+    PhysxCollisionShape,
+    PhysxCollisionShapeCapsule,
+    PhysxCollisionShapeCylinder,
+    PhysxMaterial,
+)
 
 from pipeline.data.joints import Joint
 from pipeline.data.names import SIDES
@@ -20,10 +28,10 @@ from pipeline.world.robots.contract import (
     jaw_positions,
     root_link,
 )
+from pipeline.world.shapes import Collider
 
 FRICTION = 1.2
-_DENSITY = 1000.0  # of shapes; masses are those of the links
-_CYLINDER_TO_Z = sapien.Pose(q=[0.7071068, 0, 0.7071068, 0])  # a cylinder of SAPIEN lies along x
+_X_TO_Z = sapien.Pose(q=[0.7071068, 0, 0.7071068, 0])
 _KINDS = {"revolute": "revolute_unwrapped", "prismatic": "prismatic", "fixed": "fixed"}
 
 
@@ -32,9 +40,9 @@ def to_sapien(p: Pose) -> sapien.Pose:
 
 
 @lru_cache(maxsize=16)
-def arm_builder(arm: Arm, side: str) -> sapien.ArticulationBuilder:
-    """An arm's builder without scene and convex pieces, its root fixed; bit-identical to SAPIEN's
-    URDF loader."""
+def arm_builder(arm: Arm) -> sapien.ArticulationBuilder:
+    """An arm's builder without scene and shapes, its root fixed; bit-identical to SAPIEN's URDF
+    loader."""
     builder = sapien.ArticulationBuilder()
     joints = {joint.child: joint for joint in arm.joints}
     links = {link.name: link for link in arm.links}
@@ -52,20 +60,27 @@ def arm_builder(arm: Arm, side: str) -> sapien.ArticulationBuilder:
         )
         one.set_name(name)
         one.set_joint_name("" if joint is None else joint.name)
-        one.collision_groups = groups(side)
         _set_mass(one, links[name])
-        _add_shapes(one, links[name])
         _set_joint(one, joint)
     return builder
 
 
-def groups(side: str) -> list[int]:
-    """Collision groups: contacts between arms, none within one."""
-    return [1, 1, 1 << 29, 1 + SIDES.index(side)]
-
-
-def material() -> PhysxMaterial:
-    return PhysxMaterial(FRICTION, FRICTION, 0.0)
+def shape_of(
+    piece: Collider, at: sapien.Pose, x_to_z: sapien.Pose, material: PhysxMaterial
+) -> PhysxCollisionShape:
+    """A piece at `at`; one that SAPIEN lays along x is turned by `x_to_z`."""
+    if piece.kind == "box":
+        shape = physx.PhysxCollisionShapeBox(piece.size, material)
+    elif piece.kind == "sphere":
+        shape = physx.PhysxCollisionShapeSphere(piece.size[0], material)
+    elif piece.kind == "convex":
+        points = np.asarray(piece.vertices, np.float32)
+        shape = physx.PhysxCollisionShapeConvexMesh(points, (1.0, 1.0, 1.0), material)
+    else:
+        lies = {"cylinder": PhysxCollisionShapeCylinder, "capsule": PhysxCollisionShapeCapsule}
+        shape, at = lies[piece.kind](*piece.size, material), at * x_to_z
+    shape.set_local_pose(at)
+    return shape
 
 
 def _set_mass(builder: "sapien.LinkBuilder", link: Link) -> None:
@@ -77,18 +92,6 @@ def _set_mass(builder: "sapien.LinkBuilder", link: Link) -> None:
         if np.linalg.det(axes) < 0:
             axes[:, 2] = -axes[:, 2]
     builder.set_mass_and_inertia(link.mass, _at(pose(link.com)) * _turned(axes), moments)
-
-
-def _add_shapes(builder: "sapien.LinkBuilder", link: Link) -> None:
-    for piece in link.collision:
-        at = _at(piece.pose)
-        if piece.kind == "box":
-            builder.add_box_collision(at, piece.size, material(), _DENSITY)
-        elif piece.kind == "sphere":
-            builder.add_sphere_collision(at, piece.size[0], material(), _DENSITY)
-        elif piece.kind == "cylinder":
-            at, (radius, half) = at * _CYLINDER_TO_Z, piece.size
-            builder.add_cylinder_collision(at, radius, half, material(), _DENSITY)
 
 
 def _set_joint(builder: "sapien.LinkBuilder", joint: Joint | None) -> None:
@@ -160,21 +163,19 @@ class BuiltArm:
 
 def add_arm(scene: sapien.Scene, side: str, arm: Arm) -> BuiltArm:
     """An arm at its base and home, gripper open, drives set."""
-    builder = arm_builder(arm, side)
+    builder = arm_builder(arm)
     builder.set_scene(scene)
     robot = builder.build()
     robot.set_root_pose(to_sapien(arm.base))
-    collision, surface = {link.name: link.collision for link in arm.links}, material()
+    collision = {link.name: link.collision for link in arm.links}
+    material = PhysxMaterial(FRICTION, FRICTION, 0.0)
     for link in robot.links:
         link.entity.name = f"{side}_{link.name}"
         for piece in collision[link.name]:
-            if piece.kind == "convex":  # no builder takes one from memory
-                shape = sapien.physx.PhysxCollisionShapeConvexMesh(
-                    np.asarray(piece.vertices, np.float32), (1.0, 1.0, 1.0), surface
-                )
-                shape.set_local_pose(to_sapien(piece.pose))
-                shape.set_collision_groups(groups(side))
-                link.attach(shape)
+            shape = shape_of(piece, _at(piece.pose), _X_TO_Z, material)
+            # contacts between arms, none within one
+            shape.set_collision_groups([1, 1, 1 << 29, 1 + SIDES.index(side)])
+            link.attach(shape)
     active = list(robot.active_joints)
     by_name = {j.name: j for j in active}
     limits = {j.name: j for j in arm.joints}

@@ -8,7 +8,6 @@ import numpy as np
 import sapien
 from numpy.typing import NDArray
 from sapien.physx import (
-    PhysxCollisionShape,
     PhysxMaterial,
     PhysxRigidBaseComponent,
     PhysxRigidDynamicComponent,
@@ -20,7 +19,7 @@ from pipeline.poses import Floats, Floats32, Pose, compose, frame, inverse
 from pipeline.world.robots.contract import Embodiment
 from pipeline.world.shapes import Collider
 
-from .arms import add_arm, to_sapien
+from .arms import add_arm, shape_of, to_sapien
 from .body import TABLE_COLLISION, TABLE_TOP, Body, colliders_of
 from .contacts import Contacts, Pair
 
@@ -49,33 +48,40 @@ def add_table(scene: sapien.Scene) -> PhysxRigidBaseComponent:
 def add_body(scene: sapien.Scene, body: Body, pose: Pose) -> sapien.Entity:
     """A body at a world pose (7,): static if fixed, else dynamic."""
     shape = body.instance.shape()
-    material = PhysxMaterial(shape.friction, shape.friction, 0.0)
     component = (
-        sapien.physx.PhysxRigidStaticComponent()
-        if body.fixed
-        else sapien.physx.PhysxRigidDynamicComponent()
+        sapien.physx.PhysxRigidStaticComponent() if body.fixed else PhysxRigidDynamicComponent()
     )
-    for piece in _pieces(shape.collision, material, shape.mass):
-        component.attach(piece)
-    entity = sapien.Entity()
-    entity.name = body.name
-    entity.add_component(component)
-    entity.set_pose(to_sapien(pose))
-    scene.add_entity(entity)
-    return entity
+    _attach(component, shape.collision, shape.friction, shape.mass)
+    return _placed(scene, body.name, component, pose)
 
 
 def add_solid(scene: sapien.Scene, prop: Prop) -> sapien.Entity:
     """A kinematic prop, moved by `move_solid`."""
     component = PhysxRigidDynamicComponent()
-    material = PhysxMaterial(_TABLE_FRICTION, _TABLE_FRICTION, 0.0)
-    for piece in _pieces(colliders_of(prop), material, 1.0):
-        component.attach(piece)
+    _attach(component, colliders_of(prop), _TABLE_FRICTION, 1.0)
     component.set_kinematic(True)
+    return _placed(scene, prop.name, component, prop.pose(0.0))
+
+
+def _attach(
+    component: PhysxRigidBaseComponent, pieces: Sequence[Collider], friction: float, mass: float
+) -> None:
+    """Attach shapes whose densities sum to `mass` (kg)."""
+    material = PhysxMaterial(friction, friction, 0.0)
+    density = mass / sum(c.weight * c.volume() for c in pieces)
+    for c in pieces:
+        shape = shape_of(c, to_sapien(c.pose), _X_TO_Z, material)
+        shape.set_density(density * c.weight)
+        component.attach(shape)
+
+
+def _placed(
+    scene: sapien.Scene, name: str, component: PhysxRigidBaseComponent, pose: Pose
+) -> sapien.Entity:
     entity = sapien.Entity()
-    entity.name = prop.name
+    entity.name = name
     entity.add_component(component)
-    entity.set_pose(to_sapien(prop.pose(0.0)))
+    entity.set_pose(to_sapien(pose))
     scene.add_entity(entity)
     return entity
 
@@ -119,35 +125,6 @@ def physical(entity: sapien.Entity) -> PhysxRigidBaseComponent:
     if not isinstance(component, PhysxRigidBaseComponent):
         raise TypeError(f"{entity.name} has no physics component")
     return component
-
-
-def _pieces(
-    pieces: Sequence[Collider], material: PhysxMaterial, mass: float
-) -> list[PhysxCollisionShape]:
-    """Collision shapes whose densities sum to `mass` (kg)."""
-    density = mass / sum(c.weight * c.volume() for c in pieces)
-    shapes = []
-    for c in pieces:
-        at = to_sapien(c.pose)
-        if c.kind == "box":
-            shape = sapien.physx.PhysxCollisionShapeBox(c.size, material)
-        elif c.kind == "sphere":
-            shape = sapien.physx.PhysxCollisionShapeSphere(c.size[0], material)
-        elif c.kind == "convex":
-            shape = sapien.physx.PhysxCollisionShapeConvexMesh(
-                np.asarray(c.vertices, np.float32), (1.0, 1.0, 1.0), material
-            )
-        else:
-            along_x = (
-                sapien.physx.PhysxCollisionShapeCylinder
-                if c.kind == "cylinder"
-                else sapien.physx.PhysxCollisionShapeCapsule
-            )
-            shape, at = along_x(c.size[0], c.size[1], material), at * _X_TO_Z
-        shape.set_local_pose(at)
-        shape.set_density(density * c.weight)
-        shapes.append(shape)
-    return shapes
 
 
 def as_pose(p: sapien.Pose) -> Pose:

@@ -9,7 +9,7 @@ import sapien
 
 from pipeline.intake.robots.write import arm_urdf
 from pipeline.poses import pose, quat_from_rpy
-from pipeline.world.physics.arms import arm_builder
+from pipeline.world.physics.arms import add_arm, arm_builder
 from pipeline.world.robots import MODELS, get_embodiment
 from pipeline.world.robots.contract import Arm
 from pipeline.world.shapes import Collider
@@ -19,7 +19,7 @@ CYLINDER = Collider("cylinder", (0.02, 0.05), pose((0.01, 0.02, 0.03), TURNED))
 
 
 def bits(builder: sapien.ArticulationBuilder) -> list[bytes]:
-    """Everything that reaches PhysX, as float32."""
+    """Everything of links and joints that reaches PhysX, as float32."""
     found = []
     for link in builder.link_builders:
         joint = link.joint_record
@@ -31,31 +31,34 @@ def bits(builder: sapien.ArticulationBuilder) -> list[bytes]:
             np.ravel(joint.limits),
             joint.damping,
         ]
-        for shape in link.collision_records:
-            surface = (
-                shape.material.static_friction,
-                shape.material.dynamic_friction,
-                shape.material.restitution,
-            )
-            numbers += [
-                shape.pose.p,
-                shape.pose.q,
-                shape.scale,
-                shape.radius,
-                shape.length,
-                shape.density,
-                *surface,
-            ]
-        words = [
-            link.name,
-            joint.name,
-            joint.joint_type,
-            *(shape.type for shape in link.collision_records),
-        ]
+        words = [link.name, joint.name, joint.joint_type]
         found.append(
             b"".join(np.asarray(n, np.float32).tobytes() for n in numbers) + repr(words).encode()
         )
     return found
+
+
+def shape_bits(robot) -> list[list[tuple]]:
+    """The mass and the shapes of each link in a scene, as they are in PhysX."""
+    return [
+        [(link.mass, link.inertia.tobytes(), link.cmass_local_pose.__getstate__())]
+        + [
+            (
+                type(shape).__name__,
+                shape.local_pose.__getstate__(),
+                [
+                    np.asarray(getattr(shape, name, ())).tolist()
+                    for name in ("half_size", "radius", "half_length")
+                ],
+                shape.density,
+                shape.physical_material.static_friction,
+                shape.physical_material.dynamic_friction,
+                shape.physical_material.restitution,
+            )
+            for shape in link.collision_shapes
+        ]
+        for link in robot.links
+    ]
 
 
 def by_loader(arm: Arm, path) -> sapien.ArticulationBuilder:
@@ -75,4 +78,9 @@ def test_an_arm_is_what_the_loader_makes_of_its_urdf(name, tmp_path):
         collision=(*first.collision, CYLINDER),
     )
     for one in (arm, replace(arm, links=(turned, *others))):
-        assert bits(arm_builder(one, "left")) == bits(by_loader(one, tmp_path / "arm.urdf"))
+        loaded = by_loader(one, tmp_path / "arm.urdf")
+        assert bits(arm_builder(one)) == bits(loaded)
+        loaded.set_scene(sapien.Scene([sapien.physx.PhysxCpuSystem()]))
+        scene = sapien.Scene([sapien.physx.PhysxCpuSystem()])
+        built = add_arm(scene, "left", one).robot
+        assert shape_bits(built) == shape_bits(loaded.build())
