@@ -1,4 +1,4 @@
-"""The whole way: reference policies in trials, the command, killed and gone on with, serial and on
+"""The whole way: reference policies in trials, the command, stopped and gone on with, serial and on
 two workers."""
 
 import json
@@ -12,6 +12,7 @@ import pytest
 
 from pipeline.commands.evaluate import describe_conditions
 from pipeline.data.setup import Setup
+from pipeline.evaluate.bundle import run_recorded
 from pipeline.evaluate.episode import EpisodeJob, run_episode
 from pipeline.evaluate.names import make_policy, policy_name
 from pipeline.evaluate.policies.policy import PolicyError
@@ -211,28 +212,52 @@ def rows_of(out):
     return {row["key"]: without_times(row) for row in rows}
 
 
-@pytest.mark.parametrize(
-    "executor",
-    [
-        ("--executor", "inline"),
-        pytest.param(("--executor", "ray", "--workers", "2"), marks=pytest.mark.slow),
-    ],
-    ids=["inline", "ray"],
-)
-def test_killed_and_gone_on_with_gives_what_an_undisturbed_run_gives(tmp_path, executor):
-    serial, whole = tmp_path / "serial", tmp_path / "whole"
-    wanted = ("--policy", "random", *WANTED, "--episodes", "2")
-    process = start("evaluate", *wanted, "--executor", "inline", "--out", serial, new_session=True)
-    file, deadline = serial / "episodes.jsonl", time.monotonic() + PATIENCE
+def kill(wanted, out, _):
+    """Kill an evaluation in a process of its own after its first episode."""
+    process = start("evaluate", *wanted, "--out", out, new_session=True)
+    file, deadline = out / "episodes.jsonl", time.monotonic() + PATIENCE
     while not (file.exists() and file.read_bytes().count(b"\n") >= 1) and process.poll() is None:
         assert time.monotonic() < deadline
         time.sleep(0.05)
     os.killpg(process.pid, signal.SIGKILL)
     process.communicate()
+
+
+def interrupt(wanted, out, patch):
+    """Ctrl-C in the second episode of an evaluation."""
+    begun = []
+
+    def interrupted(job):
+        begun.append(job)
+        if len(begun) == 2:
+            signal.raise_signal(signal.SIGINT)
+        return run_recorded(job)
+
+    patch.setattr("pipeline.evaluate.evaluate.run_recorded", interrupted)
+    assert "rerun the same command to resume" in command(*wanted, "--out", out, code=130)
+    patch.undo()
+
+
+@pytest.mark.parametrize(
+    ("stop", "executor"),
+    [
+        (interrupt, ("--executor", "inline")),
+        pytest.param(kill, ("--executor", "inline"), marks=pytest.mark.slow),
+        pytest.param(kill, ("--executor", "ray", "--workers", "2"), marks=pytest.mark.slow),
+    ],
+    ids=["interrupted", "killed", "ray"],
+)
+def test_stopped_and_gone_on_with_gives_what_an_undisturbed_run_gives(
+    tmp_path, monkeypatch, stop, executor
+):
+    serial, whole = tmp_path / "serial", tmp_path / "whole"
+    episodes = 1 if stop is interrupt else 2
+    wanted = ("--policy", "random", *WANTED, "--episodes", episodes)
+    stop((*wanted, "--executor", "inline"), serial, monkeypatch)
     finished = len(rows_of(serial))
-    assert 1 <= finished < 4
+    assert 1 <= finished < 2 * episodes
     told = json.loads(command(*wanted, "--executor", "inline", "--out", serial, "--json"))
-    assert told["run"] == 4 - finished
+    assert told["run"] == 2 * episodes - finished
     manifests = ("--manifests", serial / "manifests")
     other = json.loads(command(*wanted, *executor, *manifests, "--out", whole, "--json"))
     assert other["results"] == told["results"]
@@ -249,7 +274,7 @@ def test_killed_and_gone_on_with_gives_what_an_undisturbed_run_gives(tmp_path, e
         "route_completion",
         "manipulation_score",
     }
-    assert all(keys <= cell.keys() and cell["episodes"] == 2 for cell in told["results"])
+    assert all(keys <= cell.keys() and cell["episodes"] == episodes for cell in told["results"])
     assert np.mean([cell["success_rate"] for cell in told["results"]]) < 50
 
 

@@ -306,22 +306,15 @@ def documented(condition, bodies):
 
 
 def keeps_its_conditions(scene, log):
-    """The same well-formed names at every fifth frame, not all true at the first, all true from the
-    time of success on and not the frame before."""
+    """All true from the time of success on, at every fifth frame, and not the frame before. What
+    holds of each frame's conditions is a finding of the contract checker."""
     outcome = scene.outcome(log)
     success = int(np.argmax(log.times >= log.time_of("success")))
-    lengths = sorted({1, success, success + 1, len(log), *range(1, len(log) + 1, 5)})
+    lengths = sorted({success, success + 1, len(log), *range(success + 1, len(log) + 1, 5)})
     per_frame = [scene.task.conditions(outcome.until(frames), scene.arms) for frames in lengths]
-    names = list(per_frame[0])
-    assert names
-    assert all(re.fullmatch(r"[a-z][a-z0-9]*(_[a-z0-9]+)*", name) for name in names), names
-    assert all(list(conditions) == names for conditions in per_frame)
-    assert {type(holds) for conditions in per_frame for holds in conditions.values()} <= {bool}
-    assert not all(per_frame[0].values())
     assert per_frame[-1] == scene.conditions(log)
-    true = np.array([all(conditions.values()) for conditions in per_frame])
-    assert true[np.array(lengths) > success].all()
-    assert not true[lengths.index(success)]
+    true = [all(conditions.values()) for conditions in per_frame]
+    assert true == [frames > success for frames in lengths]
 
 
 # --- attempts
