@@ -3,6 +3,7 @@ that `tests.synthetic` is ours."""
 
 import gc
 import os
+import sys
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
@@ -14,6 +15,10 @@ from hypothesis import settings
 from pipeline.crew.contract import Crew
 from pipeline.crew.ray_session import session
 
+# many short processes start: let them reuse bytecode, as `make test` does
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+sys.dont_write_bytecode = False
+
 # what tests import stays: to look for garbage among it takes a tenth of the time of the imports
 gc.disable()
 
@@ -24,18 +29,19 @@ os.environ["RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER"] = "0"
 settings.register_profile("any_machine", deadline=None, max_examples=30)
 settings.load_profile("any_machine")
 
-LEROBOT = (
+TORCH = (
     *(
-        "evaluate/test_adapters.py",
+        "annotate/test_model",
+        "evaluate/policies/test_adapters.py",
         "export/formats/lerobot/test_meta.py",
         "export/formats/lerobot/test_reference.py",
         "lerobot_env/",
         "lerobot_policy/",
         "report/test_card.py",
     ),
-    "training/ladder/test_climb.py",
+    *("training/ladder/test_climb.py", "training/puma/"),
 )
-"""Tests that import lerobot, which takes 8 s of CPU."""
+"""Tests that import lerobot or models of transformers, which takes 8 s of CPU."""
 
 SLOW = (
     *(
@@ -51,12 +57,12 @@ SLOW = (
 
 
 def pytest_collection_modifyitems(items):
-    """Put the tests that import lerobot first, so that one test process has them all: others take
-    work from the end of its list. Put slow tests next, so that no process waits for one of them at
-    the end."""
+    """Put the tests that import lerobot or transformers first, so that one test process has them
+    all: others take work from the end of its list. Put slow tests next, so that no process waits
+    for one of them at the end."""
     names = {item: item.nodeid.removeprefix("tests/") for item in items}
     items.sort(
-        key=lambda item: (not names[item].startswith(LEROBOT), not names[item].startswith(SLOW))
+        key=lambda item: (not names[item].startswith(TORCH), not names[item].startswith(SLOW))
     )
 
 

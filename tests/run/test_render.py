@@ -410,9 +410,8 @@ OPTIONS = (
 )
 
 
-@pytest.mark.parametrize(
-    "crew", [Crew(), pytest.param(Crew("ray", 2), marks=pytest.mark.slow)], ids=["inline", "ray"]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("crew", [Crew(), Crew("ray", 2)], ids=["inline", "ray"])
 def test_a_killed_rendering_goes_on_to_the_same_bytes(source, tmp_path, crew):
     whole, out, variants = Dataset(tmp_path / "whole"), Dataset(tmp_path / "out"), 3
     draw(source, whole, variants=variants, **SMALL)
@@ -457,6 +456,10 @@ def test_an_episode_that_was_drawn_and_not_recorded_is_not_drawn_again(
     assert out.rows(out.recipe()).slots == written[:1] and out.episode(written[1]).exists()
     assert draw(source, out, **SMALL).drawn == 0
     assert out.rows(out.recipe()).slots == written
+    whole = Dataset(tmp_path / "whole")
+    draw(source, whole, **SMALL)
+    assert files(out) == files(whole)
+    assert not list(out.root.rglob(".*.tmp"))
 
 
 # --- bad input

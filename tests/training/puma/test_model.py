@@ -6,7 +6,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
-from transformers import Qwen3VLConfig, Qwen3VLForConditionalGeneration
 
 from tests.training.puma.tiny import config_of, qwen_json
 from training.puma.config import Config, Lora
@@ -16,9 +15,16 @@ from training.puma.model.inputs import Inputs
 from training.puma.model.oracle import oracle_numbers, oracle_size
 from training.puma.model.puma import Puma, Sizes, Targets, build_model
 from training.puma.model.text import PADDING, HashedWords
-from training.puma.model.vision import patches_of
 
 SIZES = Sizes(14, 32)
+
+
+def patches_of(image, *sizes):
+    """As of training.puma.model.vision, which imports transformers: that takes seconds, and every
+    test process imports this module."""
+    from training.puma.model import vision
+
+    return vision.patches_of(image, *sizes)
 
 
 def qwen_config(folder: Path, **model: object) -> Config:
@@ -69,6 +75,8 @@ def network(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFac
 def reference(network: Puma, given: Inputs, row: int) -> torch.Tensor:
     """Hidden states (Q,H) by transformers' own forward: token ids, its positions, its scatter of
     images; queries as new tokens."""
+    from transformers import Qwen3VLConfig, Qwen3VLForConditionalGeneration
+
     backbone = network.backbone
     config = Qwen3VLConfig(**backbone.model.config.to_dict())
     queries = network.queries.detach()
