@@ -111,7 +111,7 @@ def _fitting(
     arm: ArmPlanner, name: str, annotated: Sequence[Grasp], options: GraspOptions
 ) -> tuple[list[Grasp], Floats, float]:
     """Grasps that fit between the jaws, their tcp poses (N,7), the largest width (m)."""
-    opening = arm.planner.embodiment.arms[arm.side].gripper.max_opening - GRASP.spare_opening
+    opening = arm.planner.embodiment.arms[arm.side].gripper.opening - GRASP.spare_opening
     kinds = options.kinds
     fitting = (g for g in annotated if g.width <= opening)
     grasps = [g for g in fitting if kinds is None or g.kind in kinds]

@@ -34,7 +34,7 @@ def wider(a: Actor, side: str, by: float) -> float:
     """Gripper value `by` m wider than the measured opening."""
     gripper = a.planner.embodiment.arms[side].gripper
     measured = a.planner.split(a.simulation.state_vector(a.simulation.qpos()[0]))[side][1]
-    return min(1.0, measured + by / gripper.max_opening)
+    return min(1.0, measured + by / gripper.opening)
 
 
 @skill()

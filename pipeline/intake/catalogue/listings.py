@@ -63,7 +63,7 @@ def list_robots() -> list[dict[str, Any]]:
                 for joint in arm.joints
                 if joint.name in arm.arm_joints
             },
-            "max_opening": {side: arm.gripper.max_opening for side, arm in e.arms.items()},
+            "max_opening": {side: arm.gripper.opening for side, arm in e.arms.items()},
             "cameras": [c.name for c in cameras_of(e)],
         }
         for name, e in ((name, robots.get_embodiment(name)) for name in robots.MODELS)

@@ -13,7 +13,7 @@ from pipeline.data.names import NONE, is_name
 from pipeline.data.process.limited import run_limited
 from pipeline.poses import compose, frame, pose, quat_rotate
 from pipeline.world.robots.contract import Arm, Gripper, Link, Mount, RobotError, arm_poses
-from pipeline.world.robots.directory import TOML, wrist_camera
+from pipeline.world.robots.directory import TOML, WristCamera
 from pipeline.world.robots.pairs import ALIASES, MODELS
 from pipeline.world.robots.surfaces import load_visual
 from pipeline.world.robots.urdf_file import Mimic, UrdfError, UrdfRobot, read_urdf
@@ -165,7 +165,7 @@ def _draft_of(robot: UrdfRobot, parts: Anatomy, options: RobotOptions) -> RobotD
     arm = Arm(
         *(options.name, pose(), links, joints, parts.arm_joints, parts.hand, tcp),
         *(_gripper(parts, joints), middle),
-        Mount(parts.hand, wrist_camera(tcp)),
+        Mount(parts.hand, WristCamera().at(tcp)),
     )
     touching = {pair for pair, share in overlaps(arm).items() if share > OVERLAPPING}
     arm = replace(arm, allowed_overlap=tuple(sorted(touching | {parts.fingers})))

@@ -122,7 +122,7 @@ def _grip(robot: Embodiment) -> Finding:
             joint.set_drive_target(target)
         built.robot.set_qf(built.robot.compute_passive_force())
         scene.step()
-    width = float(np.clip(jaw_value(grip, built.jaw_positions()), 0, 1)) * grip.max_opening
+    width = float(np.clip(jaw_value(grip, built.jaw_positions()), 0, 1)) * grip.opening
     moved = float(np.linalg.norm(np.asarray(can.pose.p) - tcp[:3]))
     held = {body.entity.name for contact in scene.get_contacts() for body in contact.bodies}
     touching = [finger for finger in grip.fingers if f"left_{finger}" in held]
@@ -136,7 +136,7 @@ def _camera(robot: Embodiment) -> Finding:
     camera, arm, seen = cameras_of(robot)[1], robot.arms["left"], True
     for value in (0.0, 1.0):
         hand = arm_poses(arm, arm.home, value)[arm.hand]
-        half = value * arm.gripper.max_opening / 2
+        half = value * arm.gripper.opening / 2
         pads = transform(compose(hand, arm.tcp), np.array([[0, half, 0], [0, -half, 0]]))
         pixels, depth = project(camera.type, compose(hand, camera.pose), pads)
         inside = (pixels >= 0) & (pixels < (camera.type.width, camera.type.height))

@@ -67,7 +67,7 @@ def _toml_of(draft: RobotDraft) -> str:
         "[gripper]",
         *(f"{name} = {json.dumps(list(getattr(grip, name)))}" for name in ("joints", "fingers")),
         *(f"{name} = {_array(getattr(grip, name))}" for name in ("closed", "opened")),
-        f"opening = {grip.max_opening:.4f}",
+        f"opening = {grip.opening:.4f}",
         *(f"{name} = {getattr(grip, name):g}" for name in drive),
         "",
         "[home]",

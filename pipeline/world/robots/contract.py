@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from pipeline.data.errors import DominoError
 from pipeline.data.joints import Joint, joint_motion
 from pipeline.poses import Pose, compose
+from pipeline.world.files import Table
 from pipeline.world.shapes import Collider, Parts
 
 
@@ -31,13 +32,15 @@ class Link:
 @dataclass(frozen=True)
 class Gripper:
     """Two fingers moved by coupled joints: slides, a linkage, or one hinged jaw. The normalised
-    value is linear from 0 at `closed` to 1 at `opened` (m or rad)."""
+    value is linear from 0 at `closed` to 1 at `opened` (m or rad). A table of `robot.toml`."""
+
+    __pydantic_config__ = Table.model_config
 
     joints: tuple[str, ...]
     fingers: tuple[str, str]  # link names of the fingers; the hand for a jaw that is part of it
     closed: tuple[float, ...]
     opened: tuple[float, ...]
-    max_opening: float
+    opening: float  # m between the pads
     force: float = 40.0  # N or N m, limit per joint
     speed: float = 0.2  # m/s or rad/s of the first joint
     stiffness: float = 1500.0  # N/m or N m/rad of each joint's drive

@@ -38,27 +38,18 @@ class Tcp(Table):
     opening: Triple
 
 
-class Jaws(Table):
-    """Driven joints, two finger links, joint positions closed and open (rad or m), opening of the
-    pads (m)."""
-
-    joints: tuple[str, ...]
-    fingers: tuple[str, str]
-    closed: tuple[float, ...]
-    opened: tuple[float, ...]
-    opening: float
-    force: float = 40.0
-    speed: float = 0.2
-    stiffness: float = 1500.0
-    damping: float = 60.0
-
-
 class WristCamera(Table):
-    """Metres `behind` and `above` the tool frame, pitched down by `pitch` (rad)."""
+    """Metres `behind` and `above` the tool frame, pitched down by `pitch` (rad): fingers and held
+    things up to 9 cm are in view."""
 
     behind: float = 0.095
     above: float = 0.085
     pitch: float = 0.55
+
+    def at(self, tcp: Pose) -> Pose:
+        """Pose (7,) in the link in which the tool is at `tcp` (7,)."""
+        local = pose((-self.behind, 0, self.above), quat_from_rpy(0.0, self.pitch, 0.0))
+        return compose(tcp, local)
 
 
 class RootPlace(Table):
@@ -99,7 +90,7 @@ class RobotToml(Table):
     source: str = ""
     hand: str
     tcp: Tcp
-    gripper: Jaws
+    gripper: Gripper
     home: BySide[tuple[float, ...]]
     place: BySide[RootPlace]
     foot: float = Field(gt=0)
@@ -152,20 +143,12 @@ class RobotModel:
             arm_joints=tuple(j.name for j in joints_to(hand, joints) if j.kind != "fixed"),
             hand=hand,
             tcp=tcp,
-            gripper=Gripper(*dict(settings.gripper).values()),
+            gripper=settings.gripper,
             home=(),
-            camera=Mount(hand, wrist_camera(tcp, **dict(settings.camera))),
+            camera=Mount(hand, settings.camera.at(tcp)),
             **dict(settings.drive),
             allowed_overlap=settings.allowed_overlap,
         )
-
-
-def wrist_camera(
-    tcp: Pose, behind: float = 0.095, above: float = 0.085, pitch: float = 0.55
-) -> Pose:
-    """Pose (7,) in the hand link, `behind` and `above` the tool (m), pitched down (rad): fingers
-    and held things up to 9 cm are in view."""
-    return compose(tcp, pose((-behind, 0, above), quat_from_rpy(0.0, pitch, 0.0)))
 
 
 def box(lower: ArrayLike, upper: ArrayLike) -> Collider:

@@ -86,7 +86,7 @@ def test_what_is_written_is_read_again_as_a_sound_robot(tmp_path):
         at = arm_poses(arm, arm.home, 1.0)
         # over its own side of the table, pointing down
         assert np.sign(at["hand"][0]) == sign and quat_rotate(at["hand"][3:], [0.0, 0, 1])[2] < -0.5
-        assert arm.gripper.max_opening == pytest.approx(2 * (0.015 + 0.05 * np.sin(0.5)), abs=1e-4)
+        assert arm.gripper.opening == pytest.approx(2 * (0.015 + 0.05 * np.sin(0.5)), abs=1e-4)
         opened = dict(zip(arm.gripper.joints, jaw_positions(arm.gripper, 1.0), strict=True))
         assert opened == {"knuckle_a": 0.5, "jaw_a": -0.5, "knuckle_b": 0.5, "jaw_b": -0.5}
     rest = (model.arm(side).home for side in ("left", "right"))

@@ -341,7 +341,7 @@ def test_a_grasped_can_is_lifted_and_held(lifted_can):
     np.testing.assert_allclose(s.pose("target"), before, atol=5e-4)
     gripper = s.embodiment.arms["right"].gripper
     width = 2 * actor.bodies["target"].instance.radius
-    assert o.opening("right") * gripper.max_opening == pytest.approx(width, abs=3e-3)
+    assert o.opening("right") * gripper.opening == pytest.approx(width, abs=3e-3)
     for finger in o.fingers("right"):
         row = o.contacts(finger, "target", 1)[-1]
         local = quat_rotate(

@@ -198,5 +198,5 @@ def test_the_tool_lies_between_the_fingers(name):
             assert all(0.005 < end < 0.025 for end in ends), ends
             (low, high) = sorted(near, key=lambda points: points[:, 1].mean())
             gap = high[:, 1].min() - low[:, 1].max()
-            assert gap == pytest.approx(value * arm.gripper.max_opening, abs=1e-4)
+            assert gap == pytest.approx(value * arm.gripper.opening, abs=1e-4)
             assert (high[:, 1].min() + low[:, 1].max()) / 2 == pytest.approx(0.0, abs=1e-4)
