@@ -258,18 +258,12 @@ class EventScript:
         return frame(self._eye[:3] + BOARD[0] * forward, forward, left)
 
     def _ahead(self, s: EventfulWorld) -> Pose:
-        """Half way on the target's path to the meeting, along it."""
+        """On the table half way on the target's path to the meeting, along it."""
         last = self._meeting if np.isfinite(self._meeting) else s.time
         times = s.time + (max(last, s.time) - s.time) * np.array([0.4, 0.5, 0.6])
         before, at, after = np.asarray(s.motion.pose(times))[:, :3]
-        way = after - before if np.linalg.norm(after - before) > 1e-3 else np.array([1.0, 0.0, 0.0])
-        return _upright(at, way)
-
-
-def _upright(at: Floats, forward: Floats) -> Pose:
-    """A pose (7,) on the table, x along the level part of `forward`."""
-    along = np.array([forward[0], forward[1], 0.0])
-    return frame((at[0], at[1], TABLE_TOP), along, np.array([-along[1], along[0], 0.0]))
+        x, y, _ = after - before if np.linalg.norm(after - before) > 1e-3 else (1.0, 0.0, 0.0)
+        return frame((at[0], at[1], TABLE_TOP), (x, y, 0.0), (-y, x, 0.0))
 
 
 _ORDER = {"approach": 0, "near": 1, "after": 2}

@@ -74,8 +74,8 @@ def pedestal(base: Triple, half: float) -> Stand:
 
 def block(lower: ArrayLike, upper: ArrayLike, bevel: float = 0.0) -> Mesh:
     """Box between two corners (3,), m, with chamfered edges."""
-    a, b = np.asarray(lower, float), np.asarray(upper, float)
-    return geometry.at(geometry.box(*((b - a) / 2), bevel=bevel), (a + b) / 2)
+    solid = box(lower, upper)
+    return geometry.box(*solid.size, bevel=bevel).moved(solid.pose)
 
 
 def painted(*groups: tuple[Material, Iterable[Mesh]]) -> Parts:
