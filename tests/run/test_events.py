@@ -79,7 +79,7 @@ def test_both_arms_are_the_same_until_the_event_and_exported_with_it(pair):
     assert len(active) == len(one.log) - frames
     assert {row["pair"] for row in rows} == {one.spec.pair}
     assert {row["arm"] for row in active} == {"event"} < {row["arm"] for row in rows}
-    code, _, err = inside("export", pair, "--format", "lerobot", "--quiet")
+    code, _, err = inside("export", pair, "--format", "lerobot", "--workers", "1", "--quiet")
     assert code == 0, err
     (path,) = (pair / "exports/lerobot/meta/episodes").rglob("*.parquet")
     told = pq.read_table(path, columns=["domino.pair", "domino.arm"]).to_pylist()
