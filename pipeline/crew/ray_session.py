@@ -86,11 +86,6 @@ def _start(workers: int, folder: str) -> None:
 def _join(address: str, runtime_env: Mapping[str, Any], folder: str) -> None:
     from ray.runtime_env import RuntimeEnv
 
-    if _token.cache_info().currsize:
-        raise CrewError(
-            f"--address {address}: this process has had a Ray of its own, whose token Ray keeps:"
-            " join the cluster in a new process"
-        )
     plugins = {PLUGINS: os.environ[PLUGINS]} if PLUGINS in os.environ else {}
     try:
         given = dict(runtime_env.get("env_vars", {}))
@@ -100,6 +95,11 @@ def _join(address: str, runtime_env: Mapping[str, Any], folder: str) -> None:
     except Exception as error:  # each plugin of Ray has errors of its own
         raise CrewError(f"--runtime-env: {one_line(error)}") from error
     _check_cluster(address)
+    if _token.cache_info().currsize:
+        raise CrewError(
+            f"--address {address}: this process has had a Ray of its own, whose token Ray keeps:"
+            " join the cluster in a new process"
+        )
     _init(address, f"no Ray cluster at {address}", {"runtime_env": environment}, folder)
 
 
