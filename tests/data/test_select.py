@@ -33,6 +33,8 @@ FIELDS = asdict(SPEC) | {
         ("not (level=3 and slot=7)", False),
         ("task in (press_stapler, click_bell)", True),
         ("task not in (click_bell)", False),
+        ("task in click_bell", True),
+        ("task in ()", False),
         ("task != 'click bell'", True),
         ('embodiment="aloha-agilex"', True),
         ("embodiment = aloha-agilex and alpha>=0.1 and alpha<.2", True),
@@ -61,26 +63,24 @@ def test_selects(text: str, expected: bool):
         ("  ", "is empty: leave it out"),
         ("task>3", "task is a text, which has no order: use =, != or in"),
         ("a < task", "task is a text"),
-        ("task='click_bell", "wants ' at the end of"),
+        ("task='click_bell", "cannot read"),
         ("level=1.5", "level '1.5' is not a whole number"),
-        ("level", "'level' is no test"),
-        ("level=", "wants a column or a value, and ends"),
+        ("level", "level is no test"),
+        ("level=", "cannot be read: join tests"),
         ("level=fast", "level 'fast' is not a whole number"),
-        ("level=3 task=x", "did not expect 'task = x'; join tests with and / or"),
-        ("(level=3", r"wants '\)'"),
-        ("level=3 and", "wants a column or a value, and ends"),
+        ("level=3 task=x", "did not expect 'task'; join tests with and / or"),
+        ("(level=3", "cannot be read"),
+        ("level=3 and", "cannot be read: join tests"),
         ("level ~ 3", "cannot read '~ 3'"),
-        ("task in click_bell", r"wants values in brackets: task in \(one, another\)"),
-        ("level=and", "wants a column or a value, not 'and'"),
+        ("level=and", "cannot be read"),
         ("__class__=3", "'__class__' is no column"),
-        ("level not 3", "'level' is no test"),
+        ("level not 3", "cannot be read"),
         ("task = click bell", "did not expect 'bell'"),
         ("task = level", "'level' is no value for task; quote it"),
-        ("task in ()", "wants a column or a value, not '\\)'"),
-        ("task in (a b)", "wants values in brackets"),
-        ("level in (1, 2", "wants values in brackets"),
-        ("level=3, slot=2", "did not expect ', slot = 2'"),
-        ("level(3) = 2", "'level' is no test"),
+        ("task in (a b)", "did not expect 'b'"),
+        ("level in (1, 2", "write values of in as \\(one, another\\)"),
+        ("level=3, slot=2", "is no test"),
+        ("level(3) = 2", "is no column"),
         ("seed < 99999999999999999999", "seed '99999999999999999999' is not a whole number from"),
         ("level=1 or " * 400 + "level=1", "has 4407 characters, more than 4000"),
     ],
@@ -94,7 +94,7 @@ def test_errors_are_one_line_and_name_the_fields(text: str, words: str):
 
 def test_the_longest_expressions_are_evaluated_or_refused_in_one_line():
     assert select_rows([FIELDS], parse_where(" or ".join(["level=3"] * 350))).all()
-    with pytest.raises(WhereError, match="is nested too deeply"):
+    with pytest.raises(WhereError, match="cannot be read"):
         parse_where("not " * 995 + "level=3")
 
 

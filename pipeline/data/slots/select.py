@@ -2,10 +2,10 @@
 becomes one of pyarrow.
 """
 
+import ast
 import hashlib
 import operator
 import re
-from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
 from functools import reduce
@@ -58,14 +58,17 @@ what its file states."""
 
 _SCHEMA = pa.schema([(name, _ARROW[kind]) for name, kind in COLUMNS.items()])
 _COMPARE = {
-    **{"=": operator.eq, "==": operator.eq, "!=": operator.ne},
-    **{"<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge},
+    **{ast.Eq: operator.eq, ast.NotEq: operator.ne, ast.Lt: operator.lt},
+    **{ast.LtE: operator.le, ast.Gt: operator.gt, ast.GtE: operator.ge},
 }
-_SIGNS = {*_COMPARE, *"(),", "and", "or", "not", "in"}
-_WORD = re.compile(r"""(==|!=|<=|>=|[=<>(),]|"[^"]*"|'[^']*'|[\w.+-]+)\s*""")
+_JOINING = ("and", "or", "not", "in")
+_WORD = re.compile(
+    r"""(?P<sign>[=!<>]=|[=<>(),]) | (?P<quote>["'])(?P<text>.*?)(?P=quote) | (?P<word>[\w.+-]+)
+    | (?P<rest>\S.{0,11})""",
+    re.VERBOSE | re.DOTALL,
+)
 
 type Attempts = Mapping[tuple[Any, ...], Mapping[str, Any]]  # other columns by place and seed
-type Words = deque[str]  # the rest of an expression: columns, values as written, signs
 
 
 class WhereError(DominoError):
@@ -140,15 +143,12 @@ def values_in(rows: Sequence[Mapping[str, Any]], where: str) -> str:
 def parse_where(text: str) -> pc.Expression:
     """The pyarrow expression of a text. Raises WhereError."""
     try:
-        words = _split(text)
-        found = _either(words)
-        if words:
-            raise _Unreadable(f"did not expect {' '.join(words)[:40]!r}; join tests with and / or")
-    except (_Unreadable, RecursionError) as error:
-        what = str(error) if isinstance(error, _Unreadable) else "is nested too deeply"
+        return _build(ast.parse(_write_python(text), mode="eval").body)
+    except (_Unreadable, SyntaxError, RecursionError, MemoryError) as error:
+        rule = "join tests such as level=1 with and / or, and write values of in as (one, another)"
+        what = str(error) if isinstance(error, _Unreadable) else f"cannot be read: {rule}"
         shown = text if len(text) <= 200 else text[:200] + "..."
         raise WhereError(f"--where {shown!r}: {what}") from error
-    return found
 
 
 def expression(where: str | None, embodiments: Sequence[str]) -> str:
@@ -161,98 +161,68 @@ def expression(where: str | None, embodiments: Sequence[str]) -> str:
     return f"{of_robots} and ({given})" if of_robots and given else of_robots or given
 
 
-def _split(text: str) -> Words:
+def _write_python(text: str) -> str:
+    """The expression as Python writes it: columns are names, values are texts."""
     if not text.strip():
         raise _Unreadable("is empty: leave it out to take all episodes")
     if len(text) > LONGEST:
         raise _Unreadable(f"has {len(text)} characters, more than {LONGEST}")
-    words, rest = deque[str](), text.strip()
-    while rest:
-        if (word := _WORD.match(rest)) is None:
-            quoted = rest[0] in "\"'"
-            missing = f"wants {rest[0]} at the end of {rest[:40]!r}"
-            raise _Unreadable(missing if quoted else f"cannot read {rest[:12]!r}")
-        words.append(word[1])
-        rest = rest[word.end() :]
-    return words
+    parts, after_operand = list[str](), False
+    for found in _WORD.finditer(text):
+        sign, word = found["sign"], found["word"]
+        if found["rest"]:
+            raise _Unreadable(f"cannot read {found['rest']!r}")
+        is_operand = not sign and word not in _JOINING
+        if is_operand and after_operand:
+            raise _Unreadable(f"did not expect {found[0]!r}; join tests with and / or")
+        after_operand = is_operand
+        if sign:
+            parts.append("==" if sign == "=" else sign)
+        else:
+            stays = word in COLUMNS or not is_operand
+            parts.append(word if stays else repr(word or found["text"]))
+    return " ".join(parts)
 
 
-def _take(words: Words, *wanted: str) -> str:
-    """The next word if it is one of these, else ""."""
-    return words.popleft() if words and words[0] in wanted else ""
+def _build(node: ast.expr) -> pc.Expression:
+    match node:
+        case ast.BoolOp(op, tests):
+            join = operator.and_ if isinstance(op, ast.And) else operator.or_
+            return reduce(join, map(_build, tests))
+        case ast.UnaryOp(ast.Not(), test):
+            return ~_build(test)
+        case ast.Compare(left, signs, others):  # which may be chained: 2 < level <= 3
+            return reduce(operator.and_, map(_test, (left, *others), signs, others))
+    raise _Unreadable(
+        f"{ast.unparse(node)} is no test: compare a column with a value, such as level=1"
+    )
 
 
-def _either(words: Words) -> pc.Expression:
-    found = _both(words)
-    while _take(words, "or"):
-        found |= _both(words)
-    return found
-
-
-def _both(words: Words) -> pc.Expression:
-    found = _one(words)
-    while _take(words, "and"):
-        found &= _one(words)
-    return found
-
-
-def _one(words: Words) -> pc.Expression:
-    if _take(words, "not"):
-        return ~_one(words)
-    if not _take(words, "("):
-        return _test(words)
-    found = _either(words)
-    if not _take(words, ")"):
-        raise _Unreadable(f"wants ')' before {' '.join(words)[:40]!r}" if words else "wants ')'")
-    return found
-
-
-def _test(words: Words) -> pc.Expression:
-    """`column in (values)`, or comparisons, which may be chained: 2 < level <= 3."""
-    left, is_not, tests = _operand(words), _take(words, "not"), list[pc.Expression]()
-    if _take(words, "in"):
-        return ~_among(left, words) if is_not else _among(left, words)
-    while sign := _take(words, *_COMPARE):
-        right = _operand(words)
-        tests.append(_compare(left, sign, right))
-        left = right
-    if is_not or not tests:
-        raise _Unreadable(f"{left!r} is no test: compare a column with a value, such as level=1")
-    return reduce(operator.and_, tests)
-
-
-def _operand(words: Words) -> str:
-    if not words or words[0] in _SIGNS:
-        before = f", not {words[0]!r}" if words else ", and ends"
-        raise _Unreadable(f"wants a column or a value{before}")
-    return words.popleft()
-
-
-def _among(column: str, words: Words) -> pc.Expression:
-    values, sign = list[str | int | float](), _take(words, "(")
-    while sign and not (values and sign == ")"):
-        values.append(_value(_operand(words), column))
-        sign = _take(words, ",", ")")
-    if not sign:
-        raise _Unreadable(f"wants values in brackets: {column} in (one, another)")
-    return pc.field(column).isin(pa.array(values, _ARROW[COLUMNS[column]]))
-
-
-def _compare(left: str, sign: str, right: str) -> pc.Expression:
-    swapped = left not in COLUMNS and right in COLUMNS
-    column, word = (right, left) if swapped else (left, right)
-    sides = pc.field(column), pc.scalar(_value(word, column))
-    if COLUMNS[column] is str and sign not in ("=", "==", "!="):
+def _test(left: ast.expr, sign: ast.cmpop, right: ast.expr) -> pc.Expression:
+    if isinstance(sign, ast.In | ast.NotIn):
+        column, values = _column(left), right.elts if isinstance(right, ast.Tuple) else [right]
+        listed = pa.array([_value(each, column) for each in values], _ARROW[COLUMNS[column]])
+        among = pc.field(column).isin(listed)
+        return among if isinstance(sign, ast.In) else ~among
+    swapped = isinstance(right, ast.Name) and not isinstance(left, ast.Name)
+    column, value = _column(right if swapped else left), left if swapped else right
+    sides = pc.field(column), pc.scalar(_value(value, column))
+    if COLUMNS[column] is str and not isinstance(sign, ast.Eq | ast.NotEq):
         raise _Unreadable(f"{column} is a text, which has no order: use =, != or in")
-    return _COMPARE[sign](*(reversed(sides) if swapped else sides))
+    return _COMPARE[type(sign)](*(reversed(sides) if swapped else sides))
 
 
-def _value(word: str, column: str) -> str | int | float:
-    if column not in COLUMNS:
-        raise _Unreadable(f"{column!r} is no column (columns: {', '.join(COLUMNS)})")
-    if word in COLUMNS:
-        raise _Unreadable(f"{word!r} is no value for {column}; quote it if it is meant as one")
-    text, kind = word[1:-1] if word[0] in "\"'" else word, COLUMNS[column]
+def _column(node: ast.expr) -> str:
+    if not isinstance(node, ast.Name):
+        raise _Unreadable(f"{ast.unparse(node)} is no column (columns: {', '.join(COLUMNS)})")
+    return node.id
+
+
+def _value(node: ast.expr, column: str) -> str | int | float:
+    if not isinstance(node, ast.Constant):
+        shown = ast.unparse(node)
+        raise _Unreadable(f"{shown!r} is no value for {column}; quote it if it is meant as one")
+    text, kind = str(node.value), COLUMNS[column]
     try:
         if kind is int:
             return whole(re.sub(r"\.0*$", "", text), -MOST_WHOLE, MOST_WHOLE)
