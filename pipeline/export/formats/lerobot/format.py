@@ -171,29 +171,26 @@ def modality(facts: Facts, names: Mapping[str, str]) -> dict[str, Any]:
     """The content of meta/modality.json as GR00T and StarVLA read it."""
     return {
         "state": _slices(facts.log.vector_names, "observation.state", JOINTS),
-        "action": _slices(facts.action_names, "action", facts.representation),
+        "action": _slices(facts.log.vector_names, "action", facts.representation),
         "video": {name: {"original_key": image_key(name)} for name in names.values()},
         "annotation": {"human.action.task_description": {"original_key": "task_index"}},
     }
 
 
 def _slices(
-    names: Sequence[str], key: str, representation: Representation
+    vector_names: Sequence[str], key: str, representation: Representation
 ) -> dict[str, dict[str, Any]]:
     """GR00T's 6-D rotations are rows, ours columns: no type names them."""
     parts: dict[str, dict[str, Any]] = {}
-    for i, name in enumerate(names):
-        side, _, number = name.partition("_")
-        kind = "gripper" if number == "gripper" else "joints"
-        if representation.poses and kind == "joints":
-            kind = "position" if number in ("x", "y", "z") else "rotation"
-        part = parts.setdefault(f"{side}_{kind}", {"start": i, "end": i})
-        part["end"] = i + 1
+    for name, at in representation.slices(vector_names).items():
+        kind = name.partition("_")[2]
+        parts[name] = part = {"start": at.start, "end": at.stop}
         if representation != JOINTS:
             part["absolute"] = kind == "gripper" or representation.reference == "absolute"
         if kind == "rotation" and representation.rotation != "6d":
             part["rotation_type"] = representation.rotation.replace("-", "_")
-    return {name: {**part, "original_key": key} for name, part in parts.items()}
+        part["original_key"] = key
+    return parts
 
 
 def described_cameras(facts: Facts, names: Mapping[str, str]) -> dict[str, Any]:
