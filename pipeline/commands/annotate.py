@@ -63,7 +63,6 @@ def annotate(
     from pipeline.data.dataset import Dataset
     from pipeline.data.names import is_name
     from pipeline.report.page import refresh
-    from pipeline.run.annotate import Execution
     from pipeline.run.annotate import annotate as run
     from pipeline.stages.drawing.redraw import redraw
     from pipeline.stages.drawing.truth import truth
@@ -96,7 +95,10 @@ def annotate(
             options=options,
             where=where,
             redraw=drawn,
-            execution=Execution(crew, device, dry_run, progress=not (as_json or quiet)),
+            crew=crew,
+            device=device,
+            dry_run=dry_run,
+            progress=not (as_json or quiet),
         )
     if not dry_run:
         refresh(source, annotation_sheet)

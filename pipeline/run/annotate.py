@@ -4,9 +4,9 @@ import time
 from collections import Counter, deque
 from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import closing, nullcontext
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import NotRequired, TypedDict
+from typing import Any
 
 from tqdm import tqdm
 
@@ -32,43 +32,6 @@ EPISODE_SECONDS = 1200.0
 type Lease = tuple[str, ...]  # a job: episodes, relative to the dataset's
 
 
-@dataclass(frozen=True)
-class Execution:
-    """How to annotate: the workers, their device, whether to only report, whether to show a bar."""
-
-    crew: Crew = field(default_factory=Crew)
-    device: str = "auto"
-    dry_run: bool = False
-    progress: bool = False
-
-
-class StageReport(TypedDict):
-    """The work on one stage and camera; `invalid` counts replaced stale or corrupt files."""
-
-    name: str
-    camera: str
-    directory: str
-    computed: int
-    reused: int
-    invalid: int
-    failed: int
-    waiting: int
-    frames: int
-    seconds: float
-    hit_rate: float
-    problems: list[str]
-    plan: NotRequired[list[dict[str, str]]]
-
-
-class AnnotateReport(TypedDict):
-    """What was done for a dataset."""
-
-    dataset: str
-    episodes: int
-    dry_run: bool
-    stages: list[StageReport]
-
-
 def annotate(
     dataset: Path,
     stages: Sequence[str] = DEFAULT_STAGES,
@@ -76,24 +39,27 @@ def annotate(
     options: AnnotateOptions | None = None,
     where: str | None = None,
     redraw: Redraw | None = None,
-    execution: Execution | None = None,
-) -> AnnotateReport:
-    """Bring `stages` of a dataset up to date.
+    crew: Crew | None = None,
+    device: str = "auto",
+    dry_run: bool = False,
+    progress: bool = False,
+) -> dict[str, Any]:
+    """Bring `stages` of a dataset up to date, or report what a `dry_run` would do.
 
-    `redraw` draws episodes again for simulator truth that they lack. Raises AnnotateError, Busy,
-    CrewError.
+    `redraw` draws episodes again for simulator truth that they lack. Returns the number of
+    "episodes", and in "stages" counts of them for each stage and camera; "invalid" were replaced.
+    Raises AnnotateError, Busy, CrewError.
     """
-    execution, dataset = execution or Execution(), Path(dataset)
-    dry_run = execution.dry_run
+    dataset, crew = Path(dataset), crew or Crew()
     chosen = select_episodes(dataset, where)
     options, redraw = options or AnnotateOptions(), redraw or Redraw()
-    built = build_stages(options, stages, redraw, execution.device, dry_run)
-    reports = list[StageReport]()
+    built = build_stages(options, stages, redraw, device, dry_run)
+    reports = list[dict[str, Any]]()
     folder, writes = dataset / "annotations", bool(chosen) and not dry_run
     if writes:
         folder.mkdir(exist_ok=True)
     # not the dataset's lock, so that a build can run meanwhile
-    with exclusive(folder) if writes else nullcontext(), session(execution.crew):
+    with exclusive(folder) if writes else nullcontext(), session(crew):
         for stage in built:
             start = time.perf_counter()
             if isinstance(stage, Absent):
@@ -106,13 +72,14 @@ def annotate(
                 parameters |= {"parameters": stage.parameters()}
                 write_stage(dataset, directory, parameters)
                 sweep(folder / directory)
-            with closing(outcomes(stage, dataset, chosen, execution)) as found:
+            work = outcomes(stage, dataset, chosen, crew, device, dry_run)
+            with closing(work) as found:
                 bar = tqdm(
                     found,
                     total=len(chosen),
                     desc=directory,
                     unit="episode",
-                    disable=not execution.progress,
+                    disable=not progress,
                 )
                 done = sorted(bar, key=lambda o: o.episode)
             if dry_run and stage.name == "features" and "masks" in stages:
@@ -129,17 +96,16 @@ def annotate(
 
 
 def outcomes(
-    stage: Stage, dataset: Path, episodes: Sequence[Path], execution: Execution
+    stage: Stage, dataset: Path, episodes: Sequence[Path], crew: Crew, device: str, dry_run: bool
 ) -> Generator[StageOutcome, None, None]:
     """One stage of each episode, as leases end. An episode that costs two workers failed."""
-    crew, dry_run = execution.crew, execution.dry_run
     if crew.executor == "inline":
         # in one go, so that the prefetch thread never stops between leases
         yield from StageWorker(stage, dataset, dry_run).run(episodes)
         return
     dataset = dataset.resolve()
     jobs = deque(leases([str(e) for e in episodes], crew.workers))
-    crew = replace(crew, share_gpus=stage.uses_models and execution.device != "cpu")
+    crew = replace(crew, share_gpus=stage.uses_models and device != "cpu")
 
     def make() -> Callable[[Lease], Steps[list[StageOutcome]]]:
         worker = StageWorker(stage, dataset, dry_run)
@@ -179,11 +145,11 @@ def _summary(
     outcomes: list[StageOutcome],
     seconds: float,
     dry_run: bool,
-) -> StageReport:
+) -> dict[str, Any]:
     count = Counter(o.action for o in outcomes)
     computed = [o for o in outcomes if o.action == "computed"]
     failed = [o for o in outcomes if o.action in ("failed", "waiting")]
-    summary: StageReport = {
+    summary: dict[str, Any] = {
         "name": stage.name,
         "camera": stage.camera,
         "directory": directory,

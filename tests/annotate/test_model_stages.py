@@ -16,7 +16,7 @@ from pipeline.annotate.overlays import annotation_sheet, mask_overlay
 from pipeline.annotate.stage import AnnotateError
 from pipeline.annotate.store import episode_paths, find_stage, write_entry, write_stage
 from pipeline.data.slots.annotations import annotation_path, read_entry
-from pipeline.run.annotate import Execution, annotate
+from pipeline.run.annotate import annotate
 from tests.annotate import tiny
 from tests.synthetic import HALF, episode_path, make_episode
 
@@ -81,7 +81,7 @@ def entry(dataset: Path, stage: str, slot: int = 0, **parameters: object):
 
 
 def test_model_masks_and_features_then_nothing(dataset: Path, options: AnnotateOptions):
-    plan = annotate(dataset, STAGES, options=options, execution=Execution(dry_run=True))
+    plan = annotate(dataset, STAGES, options=options, dry_run=True)
     assert counts(plan) == {"masks": (2, 0), "features": (2, 0)}
     assert plan["stages"][1]["plan"][0]["reason"] == "after its masks"
     assert counts(annotate(dataset, STAGES, options=options)) == {

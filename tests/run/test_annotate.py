@@ -20,7 +20,7 @@ from pipeline.data.episode.file import open_episode
 from pipeline.data.episode.world import BodyFacts, WorldTruth
 from pipeline.data.errors import DominoError
 from pipeline.data.slots.annotations import read_entry
-from pipeline.run.annotate import Execution, annotate
+from pipeline.run.annotate import annotate
 from tests.synthetic import HALF, episode_path, make_episode, square_corner
 
 OPTIONS = AnnotateOptions(flow=FlowOptions(stride=2))
@@ -72,9 +72,7 @@ def test_two_at_once_are_refused_and_a_dry_run_is_not(tmp_path: Path):
     with exclusive(tmp_path / "annotations"):
         with pytest.raises(Busy, match=r"/annotations: another command is writing it"):
             annotate(tmp_path, ["flow"], options=OPTIONS)
-        assert counts(
-            annotate(tmp_path, ["flow"], options=OPTIONS, execution=Execution(dry_run=True))
-        ) == (1, 0, 0)
+        assert counts(annotate(tmp_path, ["flow"], options=OPTIONS, dry_run=True)) == (1, 0, 0)
     assert tree(tmp_path) == {}
     with exclusive(tmp_path):  # a build
         assert counts(annotate(tmp_path, ["flow"], options=OPTIONS)) == (1, 0, 0)
@@ -134,7 +132,7 @@ def test_changed_frames_make_an_entry_stale(tmp_path: Path):
     make_episode(
         episode_path(tmp_path, slot=1), slot=1, seed=99, frames=6, cameras=("head_camera",)
     )
-    report = annotate(tmp_path, ["flow"], options=OPTIONS, execution=Execution(dry_run=True))
+    report = annotate(tmp_path, ["flow"], options=OPTIONS, dry_run=True)
     assert counts(report) == (1, 2, 1)
     assert one(report)["plan"][0]["state"] == "stale"
     assert counts(annotate(tmp_path, ["flow"], options=OPTIONS)) == (1, 2, 1)
@@ -142,7 +140,7 @@ def test_changed_frames_make_an_entry_stale(tmp_path: Path):
 
 def test_dry_run_writes_nothing_and_says_why(tmp_path: Path):
     dataset(tmp_path)
-    report = annotate(tmp_path, ["flow"], options=OPTIONS, execution=Execution(dry_run=True))
+    report = annotate(tmp_path, ["flow"], options=OPTIONS, dry_run=True)
     assert counts(report) == (3, 0, 0)
     assert {p["reason"] for p in one(report)["plan"]} == {"not annotated yet"}
     assert not (tmp_path / "annotations").exists()
@@ -282,10 +280,10 @@ def test_a_dry_run_needs_no_weights_and_downloads_none(tmp_path: Path, monkeypat
         "socket.socket.connect", lambda *_: pytest.fail("a dry run asks the network")
     )
     options = AnnotateOptions(masks=MaskOptions(detector=str(tmp_path / "nowhere")))
-    report = annotate(tmp_path / "data", options=options, execution=Execution(dry_run=True))
+    report = annotate(tmp_path / "data", options=options, dry_run=True)
     assert [counts(report, name) for name in ("flow", "masks", "features")] == [(3, 0, 0)] * 3
     assert "nowhere" in one(report, "masks")["plan"][0]["reason"]
-    hub = annotate(tmp_path / "data", ["masks"], execution=Execution(dry_run=True))
+    hub = annotate(tmp_path / "data", ["masks"], dry_run=True)
     assert "grounding-dino-tiny is not on this machine" in one(hub, "masks")["plan"][0]["reason"]
     assert not (tmp_path / "data" / "annotations").exists() and not (tmp_path / "cache").exists()
     with pytest.raises(AnnotateError, match="nowhere"):

@@ -16,11 +16,11 @@ from pipeline.annotate.stage import StageResult
 from pipeline.annotate.store import episode_paths
 from pipeline.crew.contract import Crew
 from pipeline.run import annotate as module
-from pipeline.run.annotate import Execution, annotate, leases, outcomes
+from pipeline.run.annotate import annotate, leases, outcomes
 from tests.synthetic import episode_path, make_episode
 
 OPTIONS = AnnotateOptions(flow=FlowOptions(stride=2))
-TWO = Execution(Crew("ray", 2), device="cpu")
+TWO = Crew("ray", 2)
 FATAL = 3
 pytestmark = pytest.mark.usefixtures("ray_session")
 
@@ -66,10 +66,10 @@ def tree(root: Path) -> dict[str, bytes]:
 def test_two_workers_give_the_bytes_of_inline(tmp_path: Path):
     inline, pooled = dataset(tmp_path / "a"), dataset(tmp_path / "b")
     annotate(inline, ["flow"], options=OPTIONS)
-    report = annotate(pooled, ["flow"], options=OPTIONS, execution=TWO)
+    report = annotate(pooled, ["flow"], options=OPTIONS, crew=TWO, device="cpu")
     assert (report["stages"][0]["computed"], report["stages"][0]["failed"]) == (6, 0)
     assert tree(inline) == tree(pooled)
-    again = annotate(pooled, ["flow"], options=OPTIONS, execution=TWO)
+    again = annotate(pooled, ["flow"], options=OPTIONS, crew=TWO, device="cpu")
     assert (again["stages"][0]["computed"], again["stages"][0]["reused"]) == (0, 6)
 
 
@@ -90,7 +90,9 @@ def test_an_episode_that_takes_two_workers_is_reported_and_the_rest_done(
     root = dataset(tmp_path)
     found = {
         o.episode: o
-        for o in outcomes(Fatal(FlowOptions(), signal=number), root, episode_paths(root), TWO)
+        for o in outcomes(
+            Fatal(FlowOptions(), signal=number), root, episode_paths(root), TWO, "cpu", False
+        )
     }
     assert len(found) == 6
     failed = [o for o in found.values() if o.action == "failed"]
