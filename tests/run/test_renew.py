@@ -98,7 +98,7 @@ def test_edits_redo_only_what_they_can_change(tree, tmp_path, monkeypatch):
     # to the same bytes
     edit(tree, "tasks/library/domino/press/phrases/click_bell.txt", f"{PHRASE}\n")
     monkeypatch.setattr(bell, "unseen", (*bell.unseen, PHRASE))
-    edit(tree, "tasks/library/domino/handle/move_playingcard_away.py", CODE)
+    edit(tree, "tasks/library/domino/handle/set_aside.py", CODE)
     told, built = say(("status", out), building(out))
     assert {(redo["what"], *redo["because"], redo["slots"]) for redo in told["redo"]} == {
         ("sentences", "phrases", 1),

@@ -51,9 +51,8 @@ DOC = "\n# a remark\n"
 
 # file, what is appended, cells whose keys change (parts of their paths), which keys
 EDITS = [
-    ("tasks/library/domino/press/click_bell.py", CODE, ("click_bell",), PHYSICS),
-    ("tasks/library/domino/press/click_bell.py", DOC, NONE, set()),
     ("tasks/library/domino/press/press.py", CODE, ("click_bell",), PHYSICS),
+    ("tasks/library/domino/press/press.py", DOC, NONE, set()),
     ("tasks/library/domino/set_down/set_down.py", CODE, ("place_container_plate",), PHYSICS),
     (
         "tasks/library/domino/press/phrases/click_bell.txt",
@@ -391,7 +390,7 @@ def test_what_is_drawn_again_has_the_keys_of_a_build(before, monkeypatch):
         ("world/looks/visuals.py", ["renderer"]),
         ("data/cameras.py", ["renderer"]),
         ("world/drawing/shaders/raster/ADDED.frag", ["shaders"]),
-        ("tasks/library/domino/press/click_bell.py", []),
+        ("tasks/library/domino/press/press.py", []),
         ("world/objects/families/devices/ringers.py", []),
         ("assets/robots/aloha-agilex/robot.urdf", []),
         ("assets/robots/aloha-agilex/meshes/link1.glb", []),

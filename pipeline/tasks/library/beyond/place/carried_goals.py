@@ -1,6 +1,5 @@
 from pipeline.tasks.contract import ANY_YAW, Bodies, Draw, register
-from pipeline.tasks.library.domino.set_down.place_container_plate import PlaceContainerPlate
-from pipeline.tasks.library.domino.set_down.place_empty_cup import PlaceEmptyCup
+from pipeline.tasks.library.domino.set_down.set_down import PlaceContainerPlate, PlaceEmptyCup
 
 
 @register

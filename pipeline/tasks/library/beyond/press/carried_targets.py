@@ -1,8 +1,7 @@
 from pipeline.expert.actor import Skill
 from pipeline.expert.skills import track
 from pipeline.tasks.contract import Actor, Workspace, register
-from pipeline.tasks.library.domino.press.click_bell import ClickBell
-from pipeline.tasks.library.domino.press.press_stapler import PressStapler
+from pipeline.tasks.library.domino.press.press import ClickBell, PressStapler
 
 
 @register

@@ -9,7 +9,7 @@ from pipeline.tasks.contract import (
     Skills,
     register,
 )
-from pipeline.tasks.library.domino.press.click_bell import ClickBell
+from pipeline.tasks.library.domino.press.press import ClickBell
 
 WATCHED = 1.2  # s for which the arms stay at home: the light has gone out by then
 
