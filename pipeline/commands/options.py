@@ -13,7 +13,7 @@ import typer
 from pipeline.data.dataset import Dataset
 from pipeline.data.names import EXPORT_RECORD, MANIFEST
 from pipeline.data.parsing import ParseError, parse_yaml, pixels, real, show_value, whole
-from pipeline.data.recipe.file import find_recipe, read_recipe, shipped_recipes
+from pipeline.data.recipe.file import find_recipe, read_recipe
 from pipeline.data.recipe.model import KEYS, Recipe
 from pipeline.data.setup import SETUP_FILE, Setup, option_of
 from pipeline.gym_ids import shipped_tasks
@@ -58,15 +58,6 @@ def complete_robots(incomplete: str) -> list[str]:
     return _last(incomplete, complete_robot)
 
 
-def complete_recipe(incomplete: str) -> list[str]:
-    """Recipes of the package, YAML files and directories that begin like this."""
-    start = Path(incomplete)
-    folder = start if incomplete.endswith("/") else start.parent
-    files = [str(path) for path in folder.glob("*.yaml")]
-    folders = [f"{path}/" for path in folder.glob("*/")]
-    return _fitting(incomplete, [*shipped_recipes(), *files, *folders])
-
-
 def _last(incomplete: str, complete: Callable[[str], list[str]]) -> list[str]:
     """Completions of the last name of a comma-separated list."""
     before, comma, last = incomplete.rpartition(",")
@@ -82,8 +73,7 @@ Manifest = Annotated[
     Path | None,
     option(
         "A recipe file (YAML), or the name of one that ships with the package; other options"
-        " override its keys.",
-        autocompletion=complete_recipe,
+        " override its keys."
     ),
 ]
 Like = Annotated[
