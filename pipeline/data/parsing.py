@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import yaml
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from pydantic.fields import FieldInfo
 
 from .errors import DominoError, one_line
@@ -31,6 +31,12 @@ class Strict(BaseModel):
 def unless(usual: Any) -> FieldInfo:
     """A field that is left out of JSON at its usual value, as earlier versions left it out."""
     return Field(exclude_if=lambda value: value == usual)
+
+
+def first_fault(error: ValidationError) -> str:
+    """The place and the message of the first of pydantic's errors."""
+    first = error.errors()[0]
+    return f"{'.'.join(map(str, first['loc']))[:SHOWN]}: {first['msg']}"
 
 
 class ParseError(DominoError, ValueError):

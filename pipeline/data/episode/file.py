@@ -16,7 +16,7 @@ from pydantic import ValidationError
 
 from pipeline.data.errors import one_line
 from pipeline.data.names import LONGEST, SIDES, is_name, sides_of
-from pipeline.data.parsing import parse_json
+from pipeline.data.parsing import first_fault, parse_json
 from pipeline.data.spec import EpisodeSpec
 from pipeline.poses import Pixels
 
@@ -156,9 +156,8 @@ class EpisodeFile(AbstractContextManager["EpisodeFile"]):
                 text = str(self._file.attrs["meta"])
             return EpisodeMeta.model_validate_json(text)
         except ValidationError as error:
-            first = error.errors()[0]
-            what = f"{'.'.join(map(str, first['loc']))}: {first['msg']}"
-            raise EpisodeError(f"{self.path}: its meta attribute cannot be used: {what}") from error
+            what = f"its meta attribute cannot be used: {first_fault(error)}"
+            raise EpisodeError(f"{self.path}: {what}") from error
 
     @property
     def fps(self) -> int:

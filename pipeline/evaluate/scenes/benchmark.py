@@ -16,6 +16,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from pipeline.data.clock import PHYSICS_HZ
+from pipeline.data.parsing import first_fault
 from pipeline.data.reading import read_regular
 from pipeline.data.recipe.file import shipped_folder
 from pipeline.data.recipe.model import Cell, Recipe
@@ -129,10 +130,7 @@ class Benchmark:
 
 
 def _reason(error: Exception) -> str:
-    if isinstance(error, ValidationError):
-        first = error.errors()[0]
-        return line_of_text(f"{'.'.join(map(str, first['loc']))}: {first['msg']}")
-    return line_of_text(error)
+    return line_of_text(first_fault(error) if isinstance(error, ValidationError) else error)
 
 
 def pack(

@@ -4,24 +4,30 @@ import json
 import os
 from collections.abc import Callable, Hashable, Iterable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
+
+from pydantic import ConfigDict, Field, ValidationError, create_model
 
 from pipeline.data.errors import DominoError
-from pipeline.data.parsing import parse_json
+from pipeline.data.parsing import first_fault, parse_json
 from pipeline.data.reading import read_regular
 from pipeline.evaluate.lines import line_of_text
 
 EPISODES = "episodes.jsonl"
 
-FIELDS: dict[Any, tuple[str, ...]] = {
-    str: (
-        *("key", "policy", "probe", "clock", "rules"),
-        *("task", "embodiment", "domain", "category", "failure"),
-    ),
-    bool: ("success", "same_start", "sees_truth"),
-    int | float: ("level", "alpha", "seed", "route_completion", "manipulation_score"),
-    list: ("failed", "penalties"),
+_TEXTS = (
+    *("key", "policy", "probe", "clock", "rules"),
+    *("task", "embodiment", "domain", "category", "failure"),
+)
+_NUMBERS = ("level", "alpha", "seed", "route_completion", "manipulation_score")
+_FIELDS: dict[str, Any] = {
+    **dict.fromkeys(_TEXTS, (str, ...)),
+    **dict.fromkeys(("success", "same_start", "sees_truth"), (bool, ...)),
+    **dict.fromkeys(_NUMBERS, (Annotated[float, Field(ge=0, lt=1e12)], ...)),
+    **dict.fromkeys(("failed", "penalties"), (list[str], ...)),
+    "benchmark": (str, ""),
 }
+_Stated = create_model("_Stated", __config__=ConfigDict(strict=True), **_FIELDS)
 
 
 class ResultsError(DominoError): ...
@@ -84,16 +90,10 @@ class Results:
 def check_episode(row: dict[str, Any]) -> None:
     """Raise ValueError, naming the field, for what is no row of any version."""
     row.setdefault("probe", "")
-    for kind, names in FIELDS.items():
-        if wrong := next((name for name in names if not isinstance(row.get(name), kind)), None):
-            raise ValueError(f"{wrong} is missing or of another type")
-    numbers = [row[name] for name in FIELDS[int | float]]
-    if not isinstance(row.get("benchmark", ""), str):
-        raise ValueError("benchmark is no text")
-    if any(isinstance(n, bool) or not 0 <= n < 1e12 for n in numbers):
-        raise ValueError("a number is out of range")
-    if not all(isinstance(name, str) for names in FIELDS[list] for name in row[names]):
-        raise ValueError("a name is no text")
+    try:
+        _Stated.model_validate(row)
+    except ValidationError as error:
+        raise ValueError(first_fault(error)) from error
     key = parse_json(row["key"])
     texts = key[:5] if isinstance(key, list) and len(key) == 6 else [None]
     if not all(isinstance(part, str) for part in texts):

@@ -14,6 +14,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from pipeline.data.clock import DEFAULT_FPS
 from pipeline.data.errors import DominoError
+from pipeline.data.parsing import first_fault
 from pipeline.data.setup import INTERFACE, RecipeError, Setup
 from pipeline.evaluate.actions import ActionError
 from pipeline.evaluate.lines import line_of, line_of_text
@@ -47,10 +48,8 @@ class _Message(BaseModel):
         try:
             return cls.model_validate(value)
         except ValidationError as error:
-            first = error.errors()[0]
-            key = ".".join(str(part)[:80] for part in first["loc"])
-            line = line_of_text(f"{cls.__name__.lower()}: {key}: {first['msg']}")
-            raise MessageError(line) from error
+            line = f"{cls.__name__.lower()}: {first_fault(error)}"
+            raise MessageError(line_of_text(line)) from error
 
 
 class Offer(_Message):

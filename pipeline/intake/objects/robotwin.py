@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from pipeline.data.parsing import ParseError, read_json
+from pipeline.data.parsing import ParseError, first_fault, read_json
 from pipeline.poses import Floats, Pose, from_matrix, quat_rotate
 from pipeline.world.meshes.reader import read_mesh, welded
 from pipeline.world.objects.from_files import ObjectError, Phrases
@@ -154,7 +154,6 @@ def _read(path: Path) -> _Data:
     try:
         return _Data.model_validate(read_json(path))
     except ValidationError as error:
-        first = error.errors()[0]
-        raise ObjectError(f"{path}: {'.'.join(map(str, first['loc']))}: {first['msg']}") from error
+        raise ObjectError(f"{path}: {first_fault(error)}") from error
     except (ParseError, OSError) as error:
         raise ObjectError(str(error)) from error
