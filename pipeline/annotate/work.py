@@ -88,10 +88,7 @@ class StageWorker:
         result = self.start()(work.data)
         path = annotation_path(self.dataset, self.directory, episode)
         attributes = {**result.attributes, "inputs": work.inputs}
-        try:
-            write_entry(path, work.key, result.arrays, attributes, result.compressed)
-        except OSError as error:
-            raise AnnotateError(f"cannot write {path}: {error.strerror or error}") from error
+        write_entry(path, work.key, result.arrays, attributes, result.compressed)
 
 
 def _prefetch[T](

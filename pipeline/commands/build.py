@@ -18,8 +18,6 @@ from . import common
 from .common import number, option
 from .options import EVERY, FLAGS, Given, recipe_options
 
-MANY = 4  # attempts an episode from which a build with events notes that there were many
-
 
 @recipe_options(*EVERY, tasks="all")
 def build(
@@ -80,11 +78,6 @@ def build(
             f" {Dataset(out).report}"
         )
         common.print_result(vars(result), as_json, text)
-    if recipe.events and result.attempts > MANY * (result.accepted + result.given_up):
-        common.note(
-            f"{result.attempts} attempts for {result.accepted} episodes: with these events the"
-            f" expert often fails; `domino-data status {with_urls(str(out))}` shows why"
-        )
     if result.given_up:
         common.note(
             f"slots given up after {recipe.attempts} attempts each: {result.given_up};"

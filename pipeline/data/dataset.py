@@ -13,7 +13,7 @@ import pyarrow.parquet as pq
 from pipeline.poses import Bools
 
 from .atomic import atomic_path, write_atomic
-from .errors import DominoError, describe_error, one_line
+from .errors import DominoError, one_line
 from .keys import seal_yaml
 from .names import RETIRED
 from .parsing import parse_json
@@ -86,10 +86,7 @@ class Dataset(Paths):
         self.check_folders()
         if not self.manifest.exists():
             raise DatasetError(f"{self.root} is no dataset: it has no manifest.yaml")
-        try:
-            check_regular(self.manifest)
-        except OSError as error:
-            raise DatasetError(f"{self.manifest}: {error.strerror}") from error
+        check_regular(self.manifest)
         try:
             values = read_recipe(self.manifest)
             values.pop(RETIRED, None)  # its images are what they are
@@ -125,10 +122,7 @@ class Dataset(Paths):
             if os.path.lexists(path) and not path.is_dir():
                 raise DatasetError(f"{path} is a file, not a directory; remove it")
         if not self._is_plain:
-            try:
-                check_tree(self.root)
-            except OSError as error:
-                raise DatasetError(describe_error(error)) from error
+            check_tree(self.root)
             self._is_plain = True
 
     def ask[T](self, question: Callable[[Index], T]) -> T:

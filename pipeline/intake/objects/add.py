@@ -1,6 +1,5 @@
 """`domino-data objects add`."""
 
-import sys
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
@@ -10,7 +9,7 @@ import numpy as np
 
 from pipeline.data.names import is_name
 from pipeline.data.process.limited import run_limited
-from pipeline.plugins import directories, load_plugins
+from pipeline.plugins import load_plugins
 from pipeline.world.objects import from_files
 from pipeline.world.objects.contract import FAMILIES, directory_of
 from pipeline.world.objects.from_files import ObjectError, add_directory
@@ -67,10 +66,6 @@ def check_names(options: ObjectOptions) -> None:
     if family not in FAMILIES or directory_of(FAMILIES[family]) is not None:
         ours = ", ".join(each for each, kind in FAMILIES.items() if directory_of(kind) is None)
         raise ObjectError(f"--family {family}: no such family; choose from {ours}")
-    file = Path(str(sys.modules[FAMILIES[family].__module__].__file__)).resolve()
-    home = next((plugins for plugins in directories() if plugins in file.parents), None)
-    if home not in (None, options.to.resolve()):
-        raise ObjectError(f"--family {family}: is a family of {home}: give --to {home}")
 
 
 def describe(added: AddedObject) -> Iterator[str]:

@@ -53,11 +53,6 @@ def collect(dataset: Dataset, dry_run: bool = False) -> list[Orphan]:
         for path in gone:
             remove(path)
         delete(*gone)
-        for folder in ("episodes", "annotations", "assets/bodies"):
-            below = (dataset.root / folder).rglob("*")
-            for path in sorted((path for path in below if path.is_dir()), reverse=True):
-                if not any(path.iterdir()):
-                    path.rmdir()
     return found
 
 
