@@ -1,13 +1,11 @@
 """Files that a user's mesh or URDF names: found below one folder or in a package, or refused."""
 
 import io
-import os
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path, PureWindowsPath
 from typing import Any
-from urllib.parse import unquote
 
 import numpy as np
 from lxml import etree
@@ -47,8 +45,6 @@ def find_file(name: str, beside: Path, within: Path) -> Path:
     if path.is_file():
         return path
     missing = "is no regular file" if path.exists() else f"was not found in {beside}"
-    if near := similar(name, beside, within):
-        missing += f"; write {os.path.relpath(near, beside.resolve())!r}"
     raise MeshError(f"{name!r} {missing}")
 
 
@@ -72,18 +68,6 @@ def check_name(name: str) -> None:
         raise MeshError(f"{name!r} is a URL; name a file relative to this one")
     if Path(name).is_absolute() or PureWindowsPath(name).drive or name.startswith("\\"):
         raise MeshError(f"{name!r} is an absolute path; name the file relative to this one")
-
-
-def similar(name: str, beside: Path, within: Path) -> Path | None:
-    """A file below `within` whose name differs in slashes, percent signs or case."""
-    folder = beside
-    for part in Path(unquote(name.replace("\\", "/"))).parts:
-        if part != ".." and not (folder / part).exists():
-            entries = sorted(folder.iterdir()) if folder.is_dir() else ()
-            part = next((e.name for e in entries if e.name.lower() == part.lower()), part)
-        folder = folder / part
-    inside = folder.is_file() and folder.resolve().is_relative_to(within.resolve())
-    return folder if inside else None
 
 
 def parse_xml(data: bytes) -> Any:

@@ -80,30 +80,23 @@ class _Document:
         return data[start : start + length], view.get("byteStride", 0)
 
     def array(self, number: int) -> Floats:
-        """An accessor's numbers (N,W); normalized in their range, sparse filled."""
+        """An accessor's numbers (N,W); normalized in their range."""
         accessor = self.document["accessors"][number]
         count, width = accessor["count"], WIDTHS[accessor["type"]]
         dtype = TYPES[accessor["componentType"]]
         if not 0 < count <= 3 * MAX_TRIANGLES:
             raise MeshError(f"has an array of {count} values; simplify it first")
-        values = np.zeros((count, width), dtype)
-        if "bufferView" in accessor:
-            values[:] = self._strided(accessor, count, width, dtype)
-        if sparse := accessor.get("sparse"):
-            n, at = sparse["count"], sparse["indices"]
-            rows = self._strided(at, n, 1, TYPES[at["componentType"]]).ravel()
-            values[rows] = self._strided(sparse["values"], n, width, dtype)
-        if accessor.get("normalized") and dtype.kind in "iu":
-            return np.maximum(values / float(np.iinfo(dtype).max), -1.0)
-        return values.astype(np.float64)
-
-    def _strided(self, at: dict[str, Any], count: int, width: int, dtype: np.dtype) -> np.ndarray:
-        data, stride = self._view(at["bufferView"])
-        offset, size = at.get("byteOffset", 0), width * dtype.itemsize
+        if "sparse" in accessor or "bufferView" not in accessor:
+            raise MeshError("has a sparse array, which is not read: write all of its values")
+        data, stride = self._view(accessor["bufferView"])
+        offset, size = accessor.get("byteOffset", 0), width * dtype.itemsize
         stride = stride or size
         if stride < size or offset < 0 or offset + stride * (count - 1) + size > len(data):
             raise MeshError("has an accessor beyond the end of its buffer view")
-        return np.ndarray((count, width), dtype, data, offset, (stride, dtype.itemsize))
+        values = np.ndarray((count, width), dtype, data, offset, (stride, dtype.itemsize))
+        if accessor.get("normalized") and dtype.kind in "iu":
+            return np.maximum(values / float(np.iinfo(dtype).max), -1.0)
+        return values.astype(np.float64)
 
     def parts(self) -> Iterator[Part]:
         total, read = 0, dict[int, list[Part]]()

@@ -182,10 +182,9 @@ def test_a_urdf_that_is_no_robot_is_one_line(tmp_path, old, new, words):
         ("pipe.stl", "is no regular file"),
         ("zero.stl", "is outside of"),
         ("part.stl", "is outside of"),
-        ("MESHES/two%20words.stl", "; write 'meshes/two words.stl'"),
-        ("meshes/two%20words.stl", "; write 'meshes/two words.stl'"),
-        ("meshes\\two words.stl", "; write 'meshes/two words.stl'"),
-        ("meshes/Two Words.STL", "; write 'meshes/two words.stl'"),
+        ("meshes/two%20words.stl", "was not found in"),
+        ("meshes\\two words.stl", "was not found in"),
+        ("meshes/Two Words.STL", "was not found in"),
     ],
 )
 def test_a_mesh_that_is_not_there_is_refused_with_the_cause(tmp_path, name, words):

@@ -43,8 +43,8 @@ def test_lines_continue_and_corners_count_back(tmp_path):
     [
         ("map_Kd img/red.png", ""),
         ("map_Kd -clamp on img/red.png", "has no texture: '-clamp on img/red.png' was not found"),
-        ("map_Kd img\\red.png", "write 'img/red.png'"),
-        ("map_Kd IMG/Red.PNG", "write 'img/red.png'"),
+        ("map_Kd img\\red.png", "has no texture: 'img"),
+        ("map_Kd IMG/Red.PNG", "'IMG/Red.PNG' was not found"),
         ("map_Kd /home/me/beside.png", "is an absolute path"),
         ("map_Kd two words.png", ""),
         ("map_Kd gone.png", "has no texture: 'gone.png' was not found"),
