@@ -184,6 +184,24 @@ class Outcome:
         links = [n for n in self.log.bodies if n.startswith(("left_", "right_"))]
         return any(self.touching(link, name) for link in links)
 
+    def seated(
+        self, name: str, goal: Pose, limit: Mapping[str, float], turns: int = 1
+    ) -> dict[str, bool]:
+        """The conditions of a body whose base shall be at `goal` (7,), those that have a limit:
+        "centred" ("plane", or "along_x" and "along_y", m), "at_height" ("height", m), "aligned"
+        ("angle", rad, as good after each of `turns` parts of a turn), "upright" ("tilt", rad)."""
+        base = self.frame(name, "base")
+        d = self.offset(base, goal)
+        plane = [limit.get(axis, limit.get("plane", 0.0)) for axis in ("along_x", "along_y")]
+        found = {"centred": within(d[:2], plane)}
+        if "height" in limit:
+            found["at_height"] = within(d[2], limit["height"])
+        if "angle" in limit:
+            found["aligned"] = self.orientation_error(base, goal, turns) < limit["angle"]
+        if "tilt" in limit:
+            found["upright"] = self.upright(name, limit["tilt"])
+        return found
+
     def resting(self, name: str, support: str) -> dict[str, bool]:
         """The three conditions of a body that was set down: it touches `support`, it is at rest, no
         arm touches it."""

@@ -17,7 +17,6 @@ from pipeline.tasks.contract import (
     Workspace,
     by_name,
     register,
-    within,
 )
 from pipeline.tasks.library.beyond.take.pick_from_belt import PickFromBelt
 
@@ -54,14 +53,8 @@ class StandOn(PickFromBelt):
         yield from let_go(arm)
 
     def success(self, o: Outcome, arms: dict[str, str]) -> dict[str, bool]:
-        limit = self.under(o.rules)
-        d = o.offset(o.frame(self.target, "base"), o.frame(self.support, "centre"))
-        return {
-            "centred": within(d[:2], limit["plane"]),
-            "at_height": within(d[2], limit["height"]),
-            "upright": o.upright(self.target, limit["tilt"]),
-            **o.set_down(self.target, self.support),
-        }
+        seated = o.seated(self.target, o.frame(self.support, "centre"), self.under(o.rules))
+        return seated | o.set_down(self.target, self.support)
 
 
 @register

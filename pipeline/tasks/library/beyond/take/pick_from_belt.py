@@ -1,6 +1,6 @@
 from typing import cast
 
-from pipeline.expert.skills import grasp, lift
+from pipeline.expert.skills import grasp, lift, shift
 from pipeline.tasks.contract import (
     ANY_YAW,
     TABLE_TOP,
@@ -148,3 +148,37 @@ class StopOneOfTwoBalls(PickFromBelt):
             Region(x=(-0.25, 0.25), y=(-0.20, 0.10), yaw=ANY_YAW),
             distances={"ball": 0.14},
         )
+
+
+@register
+class TakeHangingMug(PickFromBelt):
+    """Grasp a mug that hangs over the table on a cord, and draw it away from the cord."""
+
+    target = manipulated = "mug"
+    motion = "pendulum"
+    limits = by_name(distance=Limit(0.06))
+
+    def layout(self, draw: Draw) -> Bodies:
+        z = TABLE_TOP + draw.uniform(0.06, 0.12)
+        yield draw.place(
+            "mug",
+            x=(-0.25, 0.25),
+            y=(-0.20, -0.05),
+            yaw=ANY_YAW,
+            away_from_centre=0.05,
+            z=z,
+            borne=True,
+        )
+
+    def meet(self, a: Actor) -> Skills:
+        yield grasp(a.arms["arm"], "mug", kinds=("side",))
+
+    def finish(self, a: Actor) -> Skills:
+        yield shift(a.arms["arm"], (0.0, -0.10, 0.0))
+
+    def success(self, o: Outcome, arms: dict[str, str]) -> dict[str, bool]:
+        return {
+            "held": o.holds(arms["arm"], "mug"),
+            "taken_away": o.travel("mug") > self.under(o.rules)["distance"],
+            "off_table": not o.touching("mug", "table"),
+        }

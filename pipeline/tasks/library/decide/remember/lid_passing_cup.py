@@ -10,7 +10,6 @@ from pipeline.tasks.contract import (
     Task,
     by_name,
     register,
-    within,
 )
 
 WATCHED = 1.5  # s for which the arm stays at home: the cup passes the first time
@@ -44,11 +43,8 @@ class LidPassingCup(Task):
         return let_go(a.arms["arm"])
 
     def success(self, o: Outcome, arms: dict[str, str]) -> dict[str, bool]:
-        limit = self.under(o.rules)
-        d = o.offset(o.frame("lid", "base"), o.frame("cup", "top"))
         return {
-            "centred": within(d[:2], limit["plane"]),
-            "at_height": within(d[2], limit["height"]),
+            **o.seated("lid", o.frame("cup", "top"), self.under(o.rules)),
             "level": o.upright("lid"),
             "cup_upright": o.upright("cup"),
             "released": not o.handled("lid"),

@@ -25,7 +25,6 @@ from pipeline.tasks.contract import (
     Task,
     by_name,
     register,
-    within,
 )
 
 QUARTERS = tuple(np.arange(0, 2 * np.pi, np.pi / 4).tolist())
@@ -74,12 +73,8 @@ class HandoverBlock(Task):
         return np.stack([upright_goal((x, y, z), yaw) for yaw, z, y, x in spots])
 
     def success(self, o: Outcome, arms: dict[str, str]) -> dict[str, bool]:
-        limit = self.under(o.rules)
-        d = o.offset(o.frame("block", "base"), o.frame("pad", "centre"))
         return {
-            "centred": within(d[:2], limit["plane"]),
-            "at_height": within(d[2], limit["height"]),
-            "upright": o.upright("block", limit["tilt"]),
+            **o.seated("block", o.frame("pad", "centre"), self.under(o.rules)),
             **o.resting("block", "pad"),
             "gripper_open": o.gripper_open(arms["receiver"]),
         }

@@ -16,7 +16,6 @@ from pipeline.tasks.contract import (
     Workspace,
     by_name,
     register,
-    within,
 )
 
 DROPS = (0.0, 0.03, 0.06)  # m above the floor at which the bread may be let go, the lowest in reach
@@ -80,10 +79,8 @@ class PlaceBreadBasket(Task):
         return [resting_poses(a.frames("bread")["base"], onto)]
 
     def success(self, o: Outcome, arms: dict[str, str]) -> dict[str, bool]:
-        limit = self.under(o.rules)
-        d = o.offset(o.frame("bread", "base"), o.frame("basket", "inside"))
         return {
-            "centred": within(d[:2], limit["plane"]),
+            **o.seated("bread", o.frame("basket", "inside"), self.under(o.rules)),
             "off_table": not o.touching("bread", "table"),
             **o.set_down("bread", "basket"),
         }

@@ -27,9 +27,8 @@ class SetDown(Task):
     """The manipulated body is set down with its base on the frame `onto` of the target, turned by
     one of `yaws`.
 
-    `up` and `above` are those of `set_down_on`. The conditions follow from the limits there are:
-    "plane" (m, per axis) and "height" of the base over that frame; "angle" between the two, as good
-    after each of `turns` equal parts of a turn; "tilt" of the body."""
+    `up` and `above` are those of `set_down_on`. The conditions are those of `Outcome.seated`, whose
+    `turns` it has, and of `Outcome.set_down`."""
 
     onto: ClassVar[str] = "centre"
     yaws: ClassVar[Sequence[float]] = ROUND
@@ -51,17 +50,9 @@ class SetDown(Task):
         return let_go(a.arms["arm"])
 
     def success(self, o: Outcome, arms: dict[str, str]) -> dict[str, bool]:
-        limit = self.under(o.rules)
-        base, goal = o.frame(self.manipulated, "base"), o.frame(self.target, self.onto)
-        d = o.offset(base, goal)
-        found = {"centred": within(d[:2], limit["plane"])}
-        if "height" in limit:
-            found["at_height"] = within(d[2], limit["height"])
-        if "angle" in limit:
-            found["aligned"] = o.orientation_error(base, goal, self.turns) < limit["angle"]
-        if "tilt" in limit:
-            found["upright"] = o.upright(self.manipulated, limit["tilt"])
-        return found | o.set_down(self.manipulated, self.target)
+        name, goal = self.manipulated, o.frame(self.target, self.onto)
+        seated = o.seated(name, goal, self.under(o.rules), self.turns)
+        return seated | o.set_down(name, self.target)
 
 
 @register
@@ -162,7 +153,7 @@ class PlaceMousePad(SetDown):
     """Grasp a computer mouse and set it down along a pad that moves, buttons to either end."""
 
     target, manipulated = "pad", "mouse"
-    yaws = EITHER_WAY
+    yaws, turns = EITHER_WAY, 2
     limits = by_name(
         along_x=Limit(0.015, 0.023),
         along_y=Limit(0.012, 0.020),
@@ -177,15 +168,6 @@ class PlaceMousePad(SetDown):
         x, y = (side * 0.05, side * 0.25), (-0.20, 0.0)
         yield draw.place("mouse", x=x, y=y, yaw=ANY_YAW)
         yield self.pad(draw, x=x, y=y, gap=0.03, distances={"mouse": 0.10})
-
-    def success(self, o: Outcome, arms: dict[str, str]) -> dict[str, bool]:
-        limit = self.under(o.rules)
-        base, centre = o.frame("mouse", "base"), o.frame("pad", "centre")
-        return {
-            "centred": within(o.offset(base, centre)[:2], (limit["along_x"], limit["along_y"])),
-            "aligned": o.orientation_error(base, centre, turns=2) < limit["angle"],
-            **o.set_down("mouse", "pad"),
-        }
 
 
 @register
