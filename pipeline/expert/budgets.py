@@ -67,7 +67,6 @@ class SeatSearch:
     tries: int = 24  # seats looked at closely, those that leave most grasps first
     wanted: int = 3  # seats to choose from while the body is carried
     above: float = 0.06  # m from which the body comes straight down
-    retreat: float = 0.08  # m by which the hand draws back
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ import pytest
 from pipeline.data.episode.state_log import SkillRun
 from pipeline.expert.actor import Actor
 from pipeline.expert.budgets import SEAT
-from pipeline.expert.regrasping import find_seats, promising, regrasp
+from pipeline.expert.scripts import find_seats, promising, regrasp
 from pipeline.expert.skills import first_of, grasp, in_turn, lift, move, open_
 from pipeline.planning.failure import PlanFailure
 from pipeline.poses import pose, yawed

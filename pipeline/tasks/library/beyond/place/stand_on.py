@@ -1,7 +1,6 @@
 from collections.abc import Sequence
 
-from pipeline.expert.regrasping import place_or_regrasp
-from pipeline.expert.scripts import let_go
+from pipeline.expert.scripts import let_go, place_or_regrasp
 from pipeline.expert.skills import ROUND, grasp, resting_poses, shift
 from pipeline.poses import Pose
 from pipeline.tasks.contract import (

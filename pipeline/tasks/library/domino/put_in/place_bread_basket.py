@@ -1,7 +1,7 @@
 import numpy as np
 
 from pipeline.expert.candidates import leading_grasps
-from pipeline.expert.regrasping import place_or_regrasp, regrasp
+from pipeline.expert.scripts import place_or_regrasp, regrasp
 from pipeline.expert.skills import ROUND, grasp, in_turn, lift, open_, resting_poses
 from pipeline.poses import Pose, lifted
 from pipeline.tasks.contract import (

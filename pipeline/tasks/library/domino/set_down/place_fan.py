@@ -1,6 +1,6 @@
 import numpy as np
 
-from pipeline.expert.regrasping import place_or_regrasp, regrasp
+from pipeline.expert.scripts import place_or_regrasp, regrasp
 from pipeline.expert.skills import grasp, lift, resting_poses
 from pipeline.poses import lifted
 from pipeline.tasks.contract import Actor, Bodies, Draw, Limit, Skills, by_name, register
