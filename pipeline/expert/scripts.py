@@ -39,10 +39,10 @@ def set_down_on(
     yield place_or_regrasp(side, point, onto, yaws=yaws, above=above)
 
 
-def let_go(side: str) -> Skills:
-    """Open the gripper and draw the hand back."""
+def let_go(side: str, back: float = 0.08) -> Skills:
+    """Open the gripper and draw the hand `back` m."""
     yield open_(side)
-    yield retreat(side, 0.08)
+    yield retreat(side, back)
 
 
 def regrasp(a: Actor, side: str, name: str, goals: Goals) -> Skills:

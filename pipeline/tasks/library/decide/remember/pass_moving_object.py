@@ -1,16 +1,10 @@
 import numpy as np
 
-from pipeline.expert.skills import first_of, hand_over, lift, open_, retreat
+from pipeline.expert.actor import Skill
+from pipeline.expert.skills import first_of, hand_over
 from pipeline.poses import Floats, quat_about, quat_multiply
-from pipeline.tasks.contract import (
-    TABLE_TOP,
-    Actor,
-    Bodies,
-    Draw,
-    Skills,
-    register,
-)
-from pipeline.tasks.library.domino.handle.handover_mic import HELD_UP, HandoverMic
+from pipeline.tasks.contract import Bodies, Draw, register
+from pipeline.tasks.library.domino.handle.handover_mic import HandoverMic
 
 
 @register
@@ -28,17 +22,10 @@ class PassMovingObject(HandoverMic):
         yaw = (1.9, 6.3) if side < 0 else (-3.1, 1.2)
         yield draw.place("microphone", x=(side * 0.30, side * 0.20), y=(-0.15, 0.0), yaw=yaw)
 
-    def finish(self, a: Actor) -> Skills:
-        giver, receiver = a.arms["giver"], a.arms["receiver"]
+    def passing(self, giver: str, receiver: str) -> Skill:
         level = self._exchange(giver)
-        yield lift(giver, 0.10)
         places = (_rolled(level), level)
-        yield first_of(*(hand_over(giver, receiver, p, kinds=("neck",)) for p in places))
-        yield open_(giver)
-        yield retreat(giver, 0.10)
-        missing = TABLE_TOP + HELD_UP - a.frame("microphone", "head")[2]
-        if missing > 0:
-            yield lift(receiver, missing)
+        return first_of(*(hand_over(giver, receiver, p, kinds=("neck",)) for p in places))
 
 
 def _rolled(places: Floats) -> Floats:

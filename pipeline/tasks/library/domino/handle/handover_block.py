@@ -2,15 +2,14 @@ from itertools import product
 
 import numpy as np
 
+from pipeline.expert.scripts import let_go
 from pipeline.expert.skills import (
     grasp,
     hand_over,
     home,
     lift,
-    open_,
     place,
     resting_poses,
-    retreat,
     together,
     upright_goal,
 )
@@ -60,12 +59,10 @@ class HandoverBlock(Task):
         goals = [resting_poses(a.frames("block")["base"], centre, QUARTERS)]
         places = self._exchange()
         yield hand_over(giver, receiver, places, kinds=("low",), goals=goals, leading=40)
-        yield open_(giver)
-        yield retreat(giver, 0.09)
+        yield from let_go(giver, 0.09)
         yield together(home(giver), lift(receiver, 0.03))
         yield place(receiver, "base", centre, yaws=QUARTERS)
-        yield open_(receiver)
-        yield retreat(receiver, 0.08)
+        yield from let_go(receiver)
 
     def _exchange(self) -> np.ndarray:
         """Poses (N,7) of the block at which it may change hands, near the middle of the table."""

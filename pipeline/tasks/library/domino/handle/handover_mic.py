@@ -2,7 +2,9 @@ from itertools import product
 
 import numpy as np
 
-from pipeline.expert.skills import grasp, hand_over, lift, open_, retreat
+from pipeline.expert.actor import Skill
+from pipeline.expert.scripts import let_go
+from pipeline.expert.skills import grasp, hand_over, lift
 from pipeline.poses import yawed
 from pipeline.tasks.contract import (
     ANY_YAW,
@@ -53,12 +55,14 @@ class HandoverMic(Task):
     def finish(self, a: Actor) -> Skills:
         giver, receiver = a.arms["giver"], a.arms["receiver"]
         yield lift(giver, 0.10)
-        yield hand_over(giver, receiver, self._exchange(giver), kinds=("neck",))
-        yield open_(giver)
-        yield retreat(giver, 0.10)
+        yield self.passing(giver, receiver)
+        yield from let_go(giver, 0.10)
         missing = TABLE_TOP + HELD_UP - a.frame("microphone", "head")[2]
         if missing > 0:
             yield lift(receiver, missing)
+
+    def passing(self, giver: str, receiver: str) -> Skill:
+        return hand_over(giver, receiver, self._exchange(giver), kinds=("neck",))
 
     def _exchange(self, giver: str) -> np.ndarray:
         """Poses (N,7) of the microphone at which it may change hands, its head to the receiver."""

@@ -2,14 +2,13 @@ from itertools import product
 
 import numpy as np
 
+from pipeline.expert.scripts import let_go
 from pipeline.expert.skills import (
     grasp,
     home,
     lift,
-    open_,
     place,
     resting_poses,
-    retreat,
     upright_goal,
 )
 from pipeline.poses import frame, inverse, quat_rotate, transform
@@ -59,8 +58,7 @@ class HangingMug(Task):
         catcher, hanger = a.arms["catcher"], a.arms["hanger"]
         yield lift(catcher, 0.08)
         yield place(catcher, "base", upright_goal(MIDDLE), yaws=self._turns())
-        yield open_(catcher)
-        yield retreat(catcher, 0.08)
+        yield from let_go(catcher)
         yield home(catcher)
         hole = a.frames("mug")["handle_hole"]
         goals = [resting_poses(hole, self._on_the_peg(a), TILTS)]
@@ -70,8 +68,7 @@ class HangingMug(Task):
         yield place(
             hanger, "handle_hole", peg, yaws=TILTS, above=0.11, out=out, press=0.0, opening=0.03
         )
-        yield open_(hanger)
-        yield retreat(hanger, 0.12)
+        yield from let_go(hanger, 0.12)
 
     def _turns(self) -> tuple[float, ...]:
         """Yaw angles in which the mug is set down: its ear to the left, away from the right

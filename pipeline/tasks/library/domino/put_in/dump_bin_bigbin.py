@@ -2,6 +2,7 @@ from itertools import product
 
 import numpy as np
 
+from pipeline.expert.scripts import let_go
 from pipeline.expert.skills import (
     ROUND,
     carry,
@@ -9,11 +10,9 @@ from pipeline.expert.skills import (
     grasp,
     home,
     lift,
-    open_,
     pause,
     place,
     pour,
-    retreat,
     upright_goal,
 )
 from pipeline.poses import compose, inverse, pose, quat_about, quat_multiply, transform
@@ -81,8 +80,7 @@ class DumpBinBigbin(Task):
         if a.arms["arm"] == "right":
             yield lift("right", 0.06)
             yield place("right", "base", upright_goal(MIDDLE), yaws=ROUND)
-            yield open_("right")
-            yield retreat("right", 0.08)
+            yield from let_go("right")
             yield home("right")
             yield grasp("left", "bin", goals=self._ends(a), pitch=0.9)
         yield lift("left", 0.14)

@@ -3,16 +3,15 @@ from itertools import product
 import numpy as np
 
 from pipeline.expert.candidates import hand_poses
+from pipeline.expert.scripts import let_go
 from pipeline.expert.skills import (
     ROUND,
     carry,
     first_of,
     grasp,
     lift,
-    open_,
     place,
     resting_poses,
-    retreat,
 )
 from pipeline.poses import Pose, compose, lifted, yawed
 from pipeline.tasks.contract import (
@@ -79,8 +78,7 @@ class PlaceBreadSkillet(Task):
         yield lift(pan, 0.06)
         yield carry(pan, self._within_reach(a, held))
         yield place(arm, "base", self._spots(a, a.pose("skillet")), yaws=ROUND, above=ABOVE)
-        yield open_(arm)
-        yield retreat(arm, 0.08)
+        yield from let_go(arm)
 
     def _held(self, pan: str) -> np.ndarray:
         """Poses (N,7) in which the skillet is held out: level, nearer to the middle of the

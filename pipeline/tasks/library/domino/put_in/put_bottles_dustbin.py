@@ -2,6 +2,7 @@ from itertools import product
 
 import numpy as np
 
+from pipeline.expert.scripts import let_go
 from pipeline.expert.skills import (
     ROUND,
     carry,
@@ -10,7 +11,6 @@ from pipeline.expert.skills import (
     home,
     lift,
     open_,
-    retreat,
     upright_goal,
 )
 from pipeline.poses import compose, inverse, pose, quat_about, transform, yawed
@@ -66,8 +66,7 @@ class PutBottlesDustbin(Task):
             yield lift("right", 0.10)
             goals = [self._over_the_bin(a)]
             yield hand_over("right", "left", self._exchange(), kinds=("low", "side"), goals=goals)
-            yield open_("right")
-            yield retreat("right", 0.08)
+            yield from let_go("right")
             yield home("right")
         else:
             yield lift("left", 0.12)

@@ -1,5 +1,6 @@
 import numpy as np
 
+from pipeline.expert.scripts import let_go
 from pipeline.expert.skills import (
     grasp,
     home,
@@ -7,7 +8,6 @@ from pipeline.expert.skills import (
     open_,
     place,
     resting_poses,
-    retreat,
     shift,
     together,
 )
@@ -96,8 +96,7 @@ class PutObjectCabinet(Task):
         pull = grasp(puller, "drawer", kinds=("handle",), goals=openings, pitch=0.3)
         yield together(home(arm), pull)
         yield shift(puller, (0.0, -PULL, 0.0), speed=0.08)
-        yield open_(puller)
-        yield retreat(puller, 0.07)
+        yield from let_go(puller, 0.07)
         yield home(puller)
         spots, yaws = self._spots(a, 0.0), self._across(a)
         yield place(arm, "base", spots, yaws=yaws, above=0.10, press=-HELD, opening=0.02)
