@@ -11,7 +11,7 @@ from pipeline.world.physics.body import TABLE_TOP
 
 from ..masks import BLOCK
 from .kernels import kernel
-from .raster import Ids, Lens
+from .raster import Frame, Ids, Lens
 
 F, I32, U = np.float32, np.int32, np.uint32
 NEAREST = 4  # texels a side of what `surrounding` tells the depths of
@@ -20,8 +20,8 @@ GROUP = 256  # pixels whose quantities stay in the fastest cache
 NX, NY, NZ, OPEN, LX, LY, LZ, WX, WY, WZ = (GROUP * k for k in range(10))
 RED, GREEN, BLUE, ROUGH, METAL, WEAR = (GROUP * k for k in range(10, 16))
 VX, VY, VZ, NV, COSINE, ARRIVES, WIDE, BULGE = (GROUP * k for k in range(16, 24))
-DR, DG, DB, MR, MG, MB, SX, SY, SZ, VIGNETTE, PX, PY, Z = (GROUP * k for k in range(24, 37))
-ROWS = GROUP * 37
+DR, DG, DB, MR, MG, MB, SX, SY, SZ, VIGNETTE = (GROUP * k for k in range(24, 34))
+ROWS = GROUP * 34
 GROUND = F(TABLE_TOP)
 
 
@@ -87,17 +87,20 @@ def clamped(x):
 
 
 @kernel
-def place_pixels(s: Floats32, n: int, view: Floats32, lens: Lens) -> None:
-    """World places, directions to the camera and the lens's shade from PX, PY and Z. `view` (3,4)
-    are the camera's axes and place in the world."""
+def place_pixels(s: Floats32, pixels: Ids, frame: Frame, camera: tuple[Floats32, Lens]) -> None:
+    """World places, directions to the camera and the lens's shade of pixels. The first part of the
+    camera (3,4) is its axes and place in the world."""
+    view, lens = camera
     pixel, cx, cy = F(1 / lens.focal), F(lens.width / 2), F(lens.height / 2)
     r00, r01, r02, c0 = view[0, 0], view[0, 1], view[0, 2], view[0, 3]
     r10, r11, r12, c1 = view[1, 0], view[1, 1], view[1, 2], view[1, 3]
     r20, r21, r22, c2 = view[2, 0], view[2, 1], view[2, 2], view[2, 3]
     by_width = F(1 / lens.width)
-    for k in range(n):
-        ox, oy = s[PX + k] - cx, s[PY + k] - cy
-        x, y, z = ox * pixel, oy * pixel, s[Z + k]
+    for k in range(len(pixels)):
+        p = pixels[k]
+        row = p // lens.width
+        ox, oy = F(p - row * lens.width) + F(0.5) - cx, F(row) + F(0.5) - cy
+        x, y, z = ox * pixel, oy * pixel, F(1) / frame.inverse[U(p)]
         dx = r00 * x + r01 * y + r02
         dy = r10 * x + r11 * y + r12
         dz = r20 * x + r21 * y + r22

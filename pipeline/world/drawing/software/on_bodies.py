@@ -30,8 +30,6 @@ from .light import (
     NY,
     NZ,
     OPEN,
-    PX,
-    PY,
     RED,
     ROUGH,
     ROWS,
@@ -52,7 +50,6 @@ from .light import (
     Lamps,
     Sunlight,
     U,
-    Z,
     clamped,
     display,
     highlight,
@@ -64,7 +61,7 @@ from .texels import level_of, sampled, square
 
 
 @kernel
-def _gather(s: Floats32, pixels: Ids, frame: Frame, lens: Lens, geometry: Geometry) -> None:
+def _gather(s: Floats32, pixels: Ids, frame: Frame, geometry: Geometry) -> None:
     vertices, last, level = geometry.vertices, -1, 0
     for k in range(len(pixels)):
         p = pixels[k]
@@ -81,8 +78,6 @@ def _gather(s: Floats32, pixels: Ids, frame: Frame, lens: Lens, geometry: Geomet
         s[LX + k] = a * vertices[i, 4] + b * vertices[j, 4] + c * vertices[h, 4]
         s[LY + k] = a * vertices[i, 5] + b * vertices[j, 5] + c * vertices[h, 5]
         s[LZ + k] = a * vertices[i, 6] + b * vertices[j, 6] + c * vertices[h, 6]
-        y = p // lens.width
-        s[PX + k], s[PY + k], s[Z + k] = F(p - y * lens.width) + F(0.5), F(y) + F(0.5), z
         m = geometry.material[t]
         texture = int(geometry.materials[m, 5])
         s[ROUGH + k], s[METAL + k] = geometry.materials[m, 3], geometry.materials[m, 4]
@@ -263,14 +258,13 @@ def shade_bodies(
     out: Canvas,
 ) -> None:
     """Colours of pixels that show bodies, into `out`."""
-    view, lens = camera
     lamps, sunlight = light
     s = np.empty(ROWS, np.float32)
     for start in range(0, len(pixels), GROUP):
         part = pixels[start : start + GROUP]
         n = len(part)
-        _gather(s, part, frame, lens, geometry)
-        place_pixels(s, n, view, lens)
+        _gather(s, part, frame, geometry)
+        place_pixels(s, part, frame, camera)
         _surfaces(s, n, lamps, sunlight)
         if sunlight.drawn:
             for k in range(n):

@@ -22,8 +22,6 @@ from .light import (
     MR,
     NV,
     OPEN,
-    PX,
-    PY,
     RED,
     ROUGH,
     ROWS,
@@ -41,7 +39,6 @@ from .light import (
     Sunlight,
     Texels,
     U,
-    Z,
     clamped,
     display,
     highlight,
@@ -151,7 +148,6 @@ def shade_plane(
 ) -> None:
     """Colours of pixels that show one plane. Its row: normal (3), albedo (3), roughness, texture or
     -1, u and v by place in the world (2,4), channel of the masks."""
-    view, lens = camera
     lamps, sunlight = light
     row, texels = plane
     s, w = np.empty(ROWS, np.float32), np.empty(4 * GROUP, np.uint32)
@@ -167,12 +163,7 @@ def shade_plane(
     for start in range(0, len(pixels), GROUP):
         part = pixels[start : start + GROUP]
         n = len(part)
-        for k in range(n):
-            p = part[k]
-            y = p // lens.width
-            z = F(1) / frame.inverse[p]
-            s[PX + k], s[PY + k], s[Z + k] = F(p - y * lens.width) + F(0.5), F(y) + F(0.5), z
-        place_pixels(s, n, view, lens)
+        place_pixels(s, part, frame, camera)
         for k in range(n):
             x, y, z = s[WX + k], s[WY + k], s[WZ + k]
             nv = max(nx * s[VX + k] + ny * s[VY + k] + nz * s[VZ + k], F(0))
