@@ -187,9 +187,10 @@ class Outcome:
     def seated(
         self, name: str, goal: Pose, limit: Mapping[str, float], turns: int = 1
     ) -> dict[str, bool]:
-        """The conditions of a body whose base shall be at `goal` (7,), those that have a limit:
-        "centred" ("plane", or "along_x" and "along_y", m), "at_height" ("height", m), "aligned"
-        ("angle", rad, as good after each of `turns` parts of a turn), "upright" ("tilt", rad)."""
+        """The conditions of a body whose base shall be at `goal` (7,), with their limits: "centred"
+        ("plane", or "along_x" and "along_y", m), and where there is a limit "at_height" ("height",
+        m), "aligned" ("angle", rad) and "upright" ("tilt", rad). After each of `turns` parts of a
+        turn the body is as well aligned."""
         base = self.frame(name, "base")
         d = self.offset(base, goal)
         plane = [limit.get(axis, limit.get("plane", 0.0)) for axis in ("along_x", "along_y")]
