@@ -13,7 +13,7 @@ import pyarrow.parquet as pq
 from pipeline.poses import Bools
 
 from .atomic import atomic_path, write_atomic
-from .errors import DominoError, one_line
+from .errors import DAMAGE, DominoError, one_line
 from .keys import seal_yaml
 from .names import RETIRED
 from .parsing import parse_json
@@ -188,7 +188,7 @@ class Dataset(Paths):
                     raise ValueError(f"it has more than {MOST_ATTEMPTS:,} rows")
                 table = file.read(columns=list(names)).select(names)
             return table.cast(pa.schema([ATTEMPTS.field(name) for name in names])).to_pylist()
-        except (OSError, ValueError, TypeError, KeyError, pa.ArrowException) as error:
+        except (*DAMAGE, pa.ArrowException) as error:
             raise DatasetError(
                 f"{self.attempts}: cannot be read ({one_line(error)}); delete it"
                 " and run the build again"

@@ -9,6 +9,12 @@ class DominoError(Exception):
     """Bad input or a damaged file: one line with the thing and the fix (exit code 2)."""
 
 
+DAMAGE = (
+    *(ArithmeticError, AttributeError, EOFError, LookupError, MemoryError),
+    *(OSError, RuntimeError, TypeError, ValueError),
+)
+"""What a damaged file may make h5py, numpy and our readers raise."""
+
 _KEPT = "finished work is kept; rerun the same command to resume"
 _MOUNT = "the mount is gone or broken: mount it again"
 FIXES = {

@@ -14,7 +14,7 @@ from h5py import h5d, h5g, h5o, h5s  # pyright: ignore[reportAttributeAccessIssu
 from numpy.typing import NDArray
 from pydantic import ValidationError
 
-from pipeline.data.errors import one_line
+from pipeline.data.errors import DAMAGE, one_line
 from pipeline.data.names import LONGEST, SIDES, is_name, sides_of
 from pipeline.data.parsing import first_fault, parse_json
 from pipeline.data.spec import EpisodeSpec
@@ -32,9 +32,6 @@ SPLITS = ("seen", "unseen", "seen_after", "unseen_after")
 
 FIRST_CONTACT, ATTEMPTS = "interception/first_contact", "attempts"
 INFLATION = 4000  # no dataset is larger than its file by more: gzip shortens a thousandfold
-
-_FAULTS = (AttributeError, OSError, LookupError, MemoryError, RuntimeError, TypeError, ValueError)
-"""What h5py and the parsers of texts raise for damage."""
 
 
 @dataclass(eq=False)
@@ -68,7 +65,7 @@ class EpisodeFile(AbstractContextManager["EpisodeFile"]):
             ) from error
         try:
             schema = self._file.attrs.get("schema")
-        except _FAULTS:
+        except DAMAGE:
             schema = None
         if not isinstance(schema, np.integer) or schema != SCHEMA:
             self._file.close()
@@ -83,7 +80,7 @@ class EpisodeFile(AbstractContextManager["EpisodeFile"]):
         """Raise EpisodeError for damage."""
         try:
             yield
-        except _FAULTS as error:
+        except DAMAGE as error:
             raise EpisodeError(f"{self.path}: {what} ({one_line(error)})") from error
 
     def __len__(self) -> int:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from pipeline.data.episode.file import INFLATION, EpisodeFile
 from pipeline.data.episode.hdf5 import check_dataset, open_hdf5
 from pipeline.data.episode.state_log import StateLog
+from pipeline.data.errors import DAMAGE
 from pipeline.data.keys import arrays_digest, canonical
 from pipeline.data.parsing import parse_json
 from pipeline.data.reading import read_regular
@@ -80,8 +81,7 @@ def read_entry(path: Path) -> Entry:
             entry = Entry(str(f.attrs["key"]), arrays, attributes, str(f.attrs["checksum"]))
         if checksum(arrays, attributes) != entry.checksum:
             raise ValueError("its content does not match its checksum")
-    # h5py answers damage with any of these, depending on which byte it is
-    except (OSError, KeyError, ValueError, TypeError, RuntimeError, MemoryError) as error:
+    except DAMAGE as error:
         raise CorruptAnnotation(
             f"{path}: cannot be read ({error}); run annotate again to recompute it"
         ) from error

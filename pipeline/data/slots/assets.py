@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.data.atomic import write_atomic
-from pipeline.data.errors import DominoError
+from pipeline.data.errors import DAMAGE, DominoError
 from pipeline.data.keys import arrays_digest, canonical, digest
 from pipeline.data.reading import check_regular
 from pipeline.data.store.place import place_of
@@ -21,7 +21,6 @@ from pipeline.data.store.place import place_of
 _ATTRIBUTES = "attributes"
 _DIGITS = 32
 _FIX = "rerun the command that made this dataset to restore it"
-_FAULTS = (OSError, ValueError, KeyError, EOFError, MemoryError, RuntimeError, TypeError)
 
 
 class AssetError(DominoError):
@@ -75,7 +74,7 @@ class AssetStore:
             attributes = json.loads(arrays.pop(_ATTRIBUTES).tobytes())
         except FileNotFoundError as error:
             raise AssetError(f"{path}: is missing; {_FIX}") from error
-        except (*_FAULTS, zipfile.BadZipFile, zlib.error) as error:
+        except (*DAMAGE, zipfile.BadZipFile, zlib.error) as error:
             what = getattr(error, "strerror", None) or error
             raise AssetError(f"{path}: cannot be read ({what}); remove it: {_FIX}") from error
         if _hash(arrays, attributes) != key:

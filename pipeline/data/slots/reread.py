@@ -16,6 +16,7 @@ import pyarrow.parquet as pq
 from pipeline.data.atomic import Busy, atomic_path, exclusive
 from pipeline.data.episode.file import EpisodeError, EpisodeFile
 from pipeline.data.episode.meta import EpisodeMeta
+from pipeline.data.errors import DAMAGE
 from pipeline.data.keys import Key, SlotKeys, file_hash, is_intact
 from pipeline.data.process.machine import usable_cores
 from pipeline.data.reading import check_regular
@@ -193,7 +194,7 @@ def _measured(dataset: Paths) -> Attempts:
             if file.metadata.num_rows > MOST_ATTEMPTS:
                 return {}
         table = pq.read_table(dataset.attempts, schema=ATTEMPTS).to_pylist()
-    except (OSError, ValueError, TypeError, pa.ArrowException):
+    except (*DAMAGE, pa.ArrowException):
         return {}
     rows = defaultdict[tuple[Any, ...], list[dict[str, Any]]](list)
     for row in sorted(table, key=lambda row: row["attempt"] or 0):

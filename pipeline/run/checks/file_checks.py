@@ -11,7 +11,7 @@ import pyarrow.parquet as pq
 from pipeline.annotate.stage import annotation_key, stage_key
 from pipeline.data.dataset import Dataset
 from pipeline.data.episode.file import EpisodeFile
-from pipeline.data.errors import DominoError
+from pipeline.data.errors import DAMAGE, DominoError
 from pipeline.data.keys import digest, file_hash, is_unchanged
 from pipeline.data.parsing import parse_json
 from pipeline.data.reading import IRREGULAR, check_regular, read_regular
@@ -21,13 +21,6 @@ from pipeline.data.slots.assets import AssetStore
 from pipeline.data.slots.files import GIVEN_UP, read_given_up
 from pipeline.data.store.place import drop, place_of
 from pipeline.export.shared.record import read_record
-
-FAULTS = (
-    *(ArithmeticError, AttributeError, LookupError, MemoryError),
-    *(OSError, RuntimeError, TypeError, ValueError),
-    *(DominoError, CorruptAnnotation, pa.ArrowException),
-)
-"""What a damaged file may make h5py, numpy, Arrow and our readers raise."""
 
 AGAIN = "run the build again"
 _ATTEMPT = re.compile(r"_attempt_\d{3}$")
@@ -54,7 +47,7 @@ def judge(job: FileJob) -> list[str]:
             problems.append(f"its bytes are not those that were written; {AGAIN}")
         else:
             problems += _CHECKS[folder](path)
-    except FAULTS as error:
+    except (*DAMAGE, DominoError, CorruptAnnotation, pa.ArrowException) as error:
         irregular = isinstance(error, OSError) and error.strerror == IRREGULAR
         text = " ".join(str(IRREGULAR if irregular else error).split())[:200]
         problems.append(text.removeprefix(f"{path}: ") or type(error).__name__)
