@@ -3,11 +3,14 @@ code 2."""
 
 import os
 import sys
-from collections.abc import Callable
+from functools import cached_property
+from importlib import import_module
 from importlib.metadata import entry_points, version
 from typing import Annotated, Any
 
 import typer
+from typer.core import TyperCommand, TyperGroup
+from typer.main import get_command as command_of
 
 from pipeline.crew.contract import SINGLE_THREAD
 
@@ -15,7 +18,7 @@ from pipeline.crew.contract import SINGLE_THREAD
 for _name, _value in SINGLE_THREAD.items():
     os.environ.setdefault(_name, _value)
 
-from pipeline.commands.command import LazyGroup, Verb, run_app
+from pipeline.commands.command import Verb, describe, run_app
 
 MODULES = {
     "build": ("demo", "build", "plan", "render"),
@@ -36,34 +39,57 @@ MODULES = {
 """The verbs by the module of pipeline.commands that has them."""
 
 APPS = ("objects", "robots")
+POINTS = {point.name: point for point in entry_points(group="domino_data.commands")}
+"""Entry points that name functions, each a command of its own."""
+
 PLACES = {
     verb.replace("_", "-"): f"pipeline.commands.{module}:{verb}{'_app' if verb in APPS else ''}"
     for module, verbs in MODULES.items()
     for verb in verbs
-}
-POINTS = {point.name: point for point in entry_points(group="domino_data.commands")}
-"""Entry points that name functions, each a command of its own."""
+} | {name: point.value for name, point in POINTS.items()}
 
 
-class Verbs(LazyGroup):
-    """All verbs, and those of plugins."""
+class Verbs(TyperGroup):
+    """All verbs, and those of plugins, each imported when it is asked for."""
 
-    places = PLACES | {name: point.value for name, point in POINTS.items()}
+    def __init__(self, **given: Any) -> None:
+        super().__init__(**given)
+        del self.commands  # typer's, which are none
 
-    def find(self, name: str) -> Any:
-        if name not in POINTS:
-            return super().find(name)
-        from pipeline.plugins import load_verb
+    @cached_property
+    def commands(self) -> Any:
+        """All verbs as commands, by name."""
+        return {name: self.load(name) for name in PLACES}
 
-        return load_verb(POINTS[name])
+    def list_commands(self, ctx: Any) -> list[str]:
+        return list(PLACES)
 
-    def typer_of(self, verb: Callable[..., None]) -> typer.Typer:
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+        """What `--help` shows and the shell completes: a name and a sentence, nothing imported."""
+        place = PLACES.get(cmd_name)
+        return place and TyperCommand(cmd_name, help=describe(place))
+
+    def load(self, name: str) -> Any:
+        """The command of a verb. Raises PluginError."""
         from pipeline.commands.export import ExportCommand, export
         from pipeline.commands.stores import on_stores
+        from pipeline.plugins import load_verb
 
-        app = typer.Typer(add_completion=False, rich_markup_mode=None)
-        app.command(cls=ExportCommand if verb is export else Verb)(on_stores(verb))
-        return app
+        module, _, attribute = PLACES[name].partition(":")
+        verb: Any = (
+            load_verb(POINTS[name]) if name in POINTS else getattr(import_module(module), attribute)
+        )
+        holder = typer.Typer(add_completion=False, rich_markup_mode=None)
+        if isinstance(verb, typer.Typer):
+            holder.add_typer(verb, name=name)
+            group: Any = command_of(holder)
+            return group.commands[name]
+        holder.command(cls=ExportCommand if verb is export else Verb)(on_stores(verb))
+        return command_of(holder)
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        name, found, rest = super().resolve_command(ctx, args)
+        return name, found and self.load(str(name)), rest
 
 
 app = typer.Typer(

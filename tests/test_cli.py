@@ -30,7 +30,7 @@ def test_the_version_is_that_of_the_project_file(monkeypatch, capsys):
 def test_help_lists_every_verb(monkeypatch, capsys):
     assert run("--help", monkeypatch=monkeypatch) == 0
     shown = capsys.readouterr().out
-    assert all(f" {verb} " in shown for verb in cli.Verbs.places) and "--version" in shown
+    assert all(f" {verb} " in shown for verb in cli.PLACES) and "--version" in shown
 
 
 def test_help_imports_no_verb_and_says_what_each_says_itself():
@@ -43,9 +43,9 @@ def test_help_imports_no_verb_and_says_what_each_says_itself():
     )
     assert not re.search(r"\b(numpy|pydantic|pipeline\.commands\.build)$", done.stderr, re.M)
     verbs = cli.Verbs()
-    for name in verbs.places:
-        said = (verbs.commands[name].help or "").split("\n")[0]
-        assert said and (verbs.listed[name].help or "").startswith(said), name
+    for name, command in verbs.commands.items():
+        said = (command.help or "").split("\n")[0]
+        assert said and verbs.get_command(None, name).help.startswith(said), name
 
 
 def test_an_expected_error_is_one_line_and_exit_code_2(monkeypatch, capsys, tmp_path):

@@ -1,21 +1,17 @@
-"""A verb as typer knows it, how every application of verbs ends, and groups of verbs that are
-imported when they are asked for."""
+"""A verb as typer knows it, its description, and how every application of verbs ends."""
 
 import ast
 import math
 import sys
 import traceback
-from collections.abc import Callable, Iterator, Mapping
-from functools import cached_property
-from importlib import import_module
+from collections.abc import Callable
 from importlib.util import find_spec
 from pathlib import Path
 from tempfile import NamedTemporaryFile
-from typing import Any, ClassVar
+from typing import Any
 
 from typer import Typer, TyperException
-from typer.core import TyperCommand, TyperGroup
-from typer.main import get_command as command_of
+from typer.core import TyperCommand
 
 from pipeline.data.errors import DominoError, describe_error
 from pipeline.data.reading import printable
@@ -67,78 +63,6 @@ def run_app(app: Typer, name: str, words: Callable[[], list[str]] = lambda: sys.
             message = f"{text}: nobody foresaw this; please report it with {log.name}"
     print(f"{name}: {printable(with_urls(message))[:LONGEST]}", file=sys.stderr)
     sys.exit(2)
-
-
-Places = Mapping[str, str]
-"""Where each verb is, as "module:name", by the word that is typed."""
-
-
-class LazyCommands(Mapping[str, Any]):
-    """The commands of a group by name, each made when it is first asked for."""
-
-    def __init__(self, places: Places, make: Callable[[str], Any]) -> None:
-        self._places, self._make, self._made = places, make, dict[str, Any]()
-
-    def __getitem__(self, name: str) -> Any:
-        if name not in self._made:
-            if name not in self._places:
-                raise KeyError(name)
-            self._made[name] = self._make(name)
-        return self._made[name]
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._places)
-
-    def __len__(self) -> int:
-        return len(self._places)
-
-
-class LazyGroup(TyperGroup):
-    """The verbs at `places`, which a subclass names."""
-
-    places: ClassVar[Places]
-
-    def __init__(self, **given: Any) -> None:
-        super().__init__(**given)
-        self.commands: Any = LazyCommands(self.places, self.load)
-
-    def load(self, name: str) -> Any:
-        """The command of a verb."""
-        found = self.find(name)
-        if not isinstance(found, Typer):
-            return command_of(self.typer_of(found))
-        holder = Typer(add_completion=False, rich_markup_mode=None)
-        holder.add_typer(found, name=name)
-        group: Any = command_of(holder)
-        return group.commands[name]
-
-    def find(self, name: str) -> Any:
-        """The function or the application of a verb."""
-        module, _, attribute = self.places[name].partition(":")
-        return getattr(import_module(module), attribute)
-
-    def typer_of(self, verb: Callable[..., None]) -> Typer:
-        """An application of one verb."""
-        app = Typer(add_completion=False, rich_markup_mode=None)
-        app.command()(verb)
-        return app
-
-    @cached_property
-    def listed(self) -> dict[str, TyperCommand]:
-        """What `--help` shows, and the shell completes: names and sentences, nothing imported."""
-        return {
-            name: TyperCommand(name, help=describe(place)) for name, place in self.places.items()
-        }
-
-    def list_commands(self, ctx: Any) -> list[str]:
-        return list(self.places)
-
-    def get_command(self, ctx: Any, cmd_name: str) -> Any:
-        return self.listed.get(cmd_name)
-
-    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
-        name, found, rest = super().resolve_command(ctx, args)
-        return name, found and self.commands[str(name)], rest
 
 
 def describe(place: str) -> str:
