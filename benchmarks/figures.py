@@ -24,6 +24,7 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 from PIL import Image
 
+from benchmarks.filming import facing, film
 from benchmarks.ladder import effect, effect_groups
 from pipeline.data.cameras import View
 from pipeline.data.episode.events import EventSpec
@@ -40,7 +41,6 @@ from pipeline.evaluate.scenes.case import Case
 from pipeline.evaluate.scoring.clock import parse_clock
 from pipeline.report.film_strip import draw_path, meeting_frame, path_pixels
 from pipeline.stages.attempt import Rollout, attempt
-from pipeline.stages.drawing.redraw import facing, film
 from pipeline.stages.drawing.render import (
     appearance_of,
     render,

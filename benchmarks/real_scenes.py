@@ -14,13 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.figures import labelled, scaled
-from pipeline.data.cameras import framed
+from benchmarks.filming import FACING, FILMED, facing, framed
 from pipeline.data.recipe.model import Recipe
 from pipeline.data.spec import EpisodeSpec
 from pipeline.plugins import load_plugins, use_plugins
 from pipeline.run.names import resolve
 from pipeline.stages.attempt import Rollout, attempt
-from pipeline.stages.drawing.redraw import FACING, FILMED, facing
 from pipeline.stages.drawing.render import appearance_of, render
 from pipeline.stages.failure import Failure
 

@@ -42,23 +42,6 @@ def look(position: ArrayLike, forward: ArrayLike, left: ArrayLike = (-1, 0, 0)) 
     return frame(position, forward, left)
 
 
-def framed(points: ArrayLike, forward: ArrayLike, kind: CameraType, margin: float = 0.05) -> Pose:
-    """World pose of the nearest upright camera along `forward` that shows all points (N,3), with
-    a free `margin`.
-    """
-    f = np.asarray(forward, float) / np.linalg.norm(forward)
-    left = np.cross([0.0, 0.0, 1.0], f)
-    left /= np.linalg.norm(left)
-    size = np.array([kind.width / kind.height, 1.0])
-    across = np.tan(np.radians(kind.fovy) / 2) * (1 - 2 * margin) * size
-    p = np.asarray(points, float)
-    depth, sides = p @ f, p @ np.stack([left, np.cross(f, left)], 1)
-    # |side - centre| <= across (depth - eye) for every point bounds `eye` from both sides
-    low, high = ((across * depth[:, None] + sign * sides).min(0) for sign in (-1, 1))
-    eye, centre = float(((low + high) / (2 * across)).min()), (high - low) / 2
-    return look(f * eye + left * centre[0] + np.cross(f, left) * centre[1], f, left)
-
-
 def intrinsics(camera: CameraType) -> Floats:
     """Pinhole matrix (3,3) in pixels, principal point at the image centre."""
     f = camera.height / 2 / np.tan(np.radians(camera.fovy) / 2)

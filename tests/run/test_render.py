@@ -14,6 +14,7 @@ import pyarrow.parquet as pq
 import pytest
 from filelock import FileLock
 
+from benchmarks.filming import facing, film
 from pipeline.crew.contract import Crew
 from pipeline.data.cameras import CameraType, visible
 from pipeline.data.dataset import Dataset
@@ -28,7 +29,6 @@ from pipeline.run.names import recipe_from
 from pipeline.run.render import render
 from pipeline.run.slot import redraw
 from pipeline.run.state import status
-from pipeline.stages.drawing.redraw import facing, film
 from tests.export.running import run as run_export
 from tests.recording import record_all
 from tests.run.command import PATIENCE, inside, slots, start, wait_for_a_slot
@@ -91,7 +91,7 @@ def paths(dataset):
 
 def test_a_film_has_every_frame_and_both_arms_and_the_path_in_view(source, monkeypatch):
     kind = CameraType(64, 48, 40.0)
-    monkeypatch.setattr("pipeline.stages.drawing.redraw.FILMED", kind)
+    monkeypatch.setattr("benchmarks.filming.FILMED", kind)
     path, *_ = paths(source)
     with EpisodeFile(path) as file:
         episode = file.read()

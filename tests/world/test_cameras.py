@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from pipeline.data.cameras import CAMERA_TYPES, CameraType, extrinsics_cv, framed, project, visible
+from benchmarks.filming import framed
+from pipeline.data.cameras import CAMERA_TYPES, CameraType, extrinsics_cv, project, visible
 from pipeline.data.episode.meta import NamedCamera
 from pipeline.data.setup import Setup
 from pipeline.world.cameras import CameraError, cameras_of, check_links, observer, wanted_cameras

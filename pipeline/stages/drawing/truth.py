@@ -5,7 +5,7 @@ from pathlib import Path
 from scipy.spatial import ConvexHull
 
 from pipeline.data.cameras import world_poses
-from pipeline.data.episode.file import Episode, EpisodeError
+from pipeline.data.episode.file import Episode
 from pipeline.data.episode.world import BodyFacts, WorldTruth
 from pipeline.world.drawing.room import shell, table_legs, table_top
 from pipeline.world.drawing.silhouettes import occluders_of, track_bodies
@@ -20,24 +20,21 @@ from .render import body_poses
 
 def truth(path: Path, camera: str, bodies: Path) -> WorldTruth:
     """The truth of a camera, as its images show it: late, if they are. Raises as `redraw`."""
-    episode, appearance = read_stored(path, bodies)
-    if not (found := appearance.seen_by(camera).cameras):
-        raise EpisodeError(f"{path}: has no camera {camera}")
-    log = episode.log.late(episode.meta.drawing.latency)
-    visuals = appearance.visuals
+    episode, appearance, log = read_stored(path, camera, bodies)
+    (seen_from,), visuals = appearance.cameras, appearance.visuals
     fixed = [*appearance.furniture, *table_legs(), *table_top(visuals)]
     room = [part for parts in shell(visuals).values() for part in parts]
     shown, poses = appearance.bodies, body_poses(log)
     objects = tuple(name for name in episode.meta.objects if shown.get(name))
-    at = world_poses(found[0], poses, len(log))
-    track = track_bodies(occluders_of(shown, fixed), poses, objects, found[0].type, at)
+    at = world_poses(seen_from, poses, len(log))
+    track = track_bodies(occluders_of(shown, fixed), poses, objects, seen_from.type, at)
     facts = _facts(episode)
     meshes = {name: merge([mesh for mesh, _ in parts]) for name, parts in shown.items() if parts}
     known = {
         n: BodyFacts(m.vertices, m.triangles, *facts.get(n, (None, None)))
         for n, m in meshes.items()
     }
-    surfaces = surfaces_of(occluders_of(shown, [*fixed, *room]), poses, found[0])
+    surfaces = surfaces_of(occluders_of(shown, [*fixed, *room]), poses, seen_from)
     return WorldTruth(known, surfaces, objects, track.box, track.visible)
 
 
