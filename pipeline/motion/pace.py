@@ -47,10 +47,23 @@ class Pace:
         inside = done + speed * span * (share + self.swell * np.sin(np.pi * share) / np.pi)
         return np.where(late > 0, self.speeds[-1] * (1 - self.swell) * late, inside)
 
+    @property
+    def way(self) -> float:
+        """What is left to advance (m) at the start."""
+        return -float(self.advance(np.array(self.start)))
+
     def rate(self, t: ArrayLike) -> Floats:
         """Speed (m/s) at times t (...,), after an edge where t is one."""
         share, _, speed, _, _ = self._pieces(t)
         return speed * (1 + self.swell * np.cos(np.pi * share))
+
+
+def two_speeds(asked: MotionRequest, rng: np.random.Generator, share: float, ratio: float) -> Pace:
+    """A speed for a `share` of the time, then `ratio` times as fast."""
+    first = asked.alpha * float(rng.uniform(SLOWEST, 1.0))
+    first /= max(1.0, ratio) if asked.speed_bound == "maximum" else share + ratio * (1 - share)
+    edge = -asked.lead + share * (asked.lead + asked.duration)
+    return Pace(-asked.lead, (edge, asked.duration), (first, ratio * first))
 
 
 def draw_forward(asked: MotionRequest, rng: np.random.Generator) -> Pace:

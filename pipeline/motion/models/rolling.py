@@ -12,7 +12,7 @@ from pipeline.poses import Floats, pose, quat_multiply, quat_rotate, yawed
 
 from ..closed_form import Along, ClosedFormModel, common, headings, turns, ways
 from ..contract import MotionRequest, Streams
-from ..pace import SLOWEST, Pace, draw_forward, draw_pace
+from ..pace import draw_forward, draw_pace, two_speeds
 from ..scenery import Piece, Prop, flat, standing
 from . import register
 
@@ -139,8 +139,12 @@ class ReboundModel(ClosedFormModel[Rebound]):
     def candidates(self, asked: MotionRequest, streams: Streams) -> Iterator[Rebound]:
         rng = streams.shape
         strikes = bool(asked.level) and rng.random() < OFTEN
-        pace = _slowed(asked, rng) if strikes and asked.level == 3 else draw_forward(asked, rng)
-        way = -float(pace.advance(np.array(-asked.lead)))
+        if strikes and asked.level == 3:
+            kept, share = float(rng.uniform(*SLOWED)), float(rng.uniform(0.4, 0.6))
+            pace = two_speeds(asked, rng, share, kept)
+        else:
+            pace = draw_forward(asked, rng)
+        way = pace.way
         bounce = way * float(rng.uniform(0.35, 0.55)) if strikes else 0.0
         if strikes and len(pace.edges) == 2:
             bounce = -float(pace.advance(np.array(pace.edges[0])))
@@ -164,15 +168,6 @@ class ReboundModel(ClosedFormModel[Rebound]):
             yield Rebound(
                 **common(asked), pace=pace, radius=radius, bounce=bounce, wall=wall, **path
             )
-
-
-def _slowed(asked: MotionRequest, rng: np.random.Generator) -> Pace:
-    kept, share = float(rng.uniform(*SLOWED)), float(rng.uniform(0.4, 0.6))
-    fast = asked.alpha * float(rng.uniform(SLOWEST, 1.0))
-    if asked.speed_bound == "average":
-        fast /= share + kept * (1 - share)
-    edge = -asked.lead + share * (asked.lead + asked.duration)
-    return Pace(-asked.lead, (edge, asked.duration), (fast, kept * fast))
 
 
 register(ReboundModel(Rebound))

@@ -10,7 +10,7 @@ from pipeline.poses import Floats, yawed
 
 from ..closed_form import Along, ClosedFormModel, ahead_of, common, headings, twists
 from ..contract import MotionRequest, Streams
-from ..pace import SLOWEST, Pace, draw_forward
+from ..pace import draw_forward, two_speeds
 from ..scenery import Prop, hood, standing
 from . import register
 from .conveyor import Conveyor
@@ -44,16 +44,12 @@ class TunnelModel(ClosedFormModel[Tunnel]):
         clear = radius + float(rng.uniform(*CLEAR))
         far = clear + 3 * radius + SHORTEST + SEEN
         paces = [draw_forward(asked, rng) for _ in range(TRIES)]
-        longest = max(paces, key=lambda pace: _way(pace, asked))
-        pace = next((pace for pace in paces if _way(pace, asked) > far), longest)
-        way = _way(pace, asked)
+        longest = max(paces, key=lambda pace: pace.way)
+        pace = next((pace for pace in paces if pace.way > far), longest)
+        way = pace.way
         length = float(np.clip(way - clear - radius - SEEN, 2 * radius + SHORTEST, LONGEST))
         sizes = {"width": 2 * (radius + ROOM), "length": length, "height": asked.height + ROOM}
         return {"pace": pace, "clear": clear, **sizes}
-
-
-def _way(pace: Pace, asked: MotionRequest) -> float:
-    return -float(pace.advance(np.array(-asked.lead)))
 
 
 LANES = (0.025, 0.035)  # m, half the distance of the two lanes
@@ -102,8 +98,10 @@ class Twice(Along):
 class TwiceModel(ClosedFormModel[Twice]):
     def candidates(self, asked: MotionRequest, streams: Streams) -> Iterator[Twice]:
         rng = streams.shape
-        pace = _faster(asked, rng) if asked.level == 3 else draw_forward(asked, rng)
-        way = _way(pace, asked)
+        pace = (
+            two_speeds(asked, rng, TURNED, FASTER) if asked.level == 3 else draw_forward(asked, rng)
+        )
+        way = pace.way
         turn = max(0.01, min(float(rng.uniform(*LANES)), 0.12 * way))
         second = -float(pace.advance(np.array(pace.edges[0]))) if asked.level == 3 else HALF * way
         back = max(0.08, second - np.pi * turn / 2)
@@ -118,13 +116,6 @@ class TwiceModel(ClosedFormModel[Twice]):
                 radius=asked.radius,
                 height=asked.height,
             )
-
-
-def _faster(asked: MotionRequest, rng: np.random.Generator) -> Pace:
-    slow = asked.alpha * float(rng.uniform(SLOWEST, 1.0))
-    slow /= FASTER if asked.speed_bound == "maximum" else TURNED + FASTER * (1 - TURNED)
-    edge = -asked.lead + TURNED * (asked.lead + asked.duration)
-    return Pace(-asked.lead, (edge, asked.duration), (slow, FASTER * slow))
 
 
 register(TunnelModel(Tunnel))

@@ -3,9 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from pipeline.motion.contract import Motion
 from pipeline.motion.scenery import Piece, Prop
 from pipeline.poses import Floats, Pose, compose, pose
 from pipeline.world.objects.contract import Family, Slide
@@ -50,20 +48,6 @@ class Body:
     def rides(self) -> bool:
         """Whether it lies loose in another body."""
         return bool(self.inside) and self.slide is None
-
-
-@dataclass(frozen=True, eq=False)
-class StillMotion(Motion):
-    at: Pose
-
-    def pose(self, t: ArrayLike) -> Floats:
-        return np.broadcast_to(self.at, (*np.shape(t), 7))
-
-    def twist(self, t: ArrayLike) -> Floats:
-        return np.zeros((*np.shape(t), 6))
-
-    def scenery(self) -> tuple[Prop, ...]:
-        return ()
 
 
 Outline = tuple[Pose, Floats]

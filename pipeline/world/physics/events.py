@@ -20,12 +20,13 @@ from pipeline.data.episode.events import (
     Phase,
 )
 from pipeline.data.episode.state_log import Event
+from pipeline.motion.contract import Motion
 from pipeline.motion.scenery import AWAY, Piece, Prop, hood
 from pipeline.motion.wrapped import Change
 from pipeline.poses import IDENTITY, Floats, Pose, compose, frame, inverse, pose, quat_rotate
 from pipeline.world.robots.contract import Embodiment
 
-from .body import TABLE_TOP, Body, Motion
+from .body import TABLE_TOP, Body
 
 PROP = "event_"
 """What the names of such scenery, and of a body that waits for its event, begin with."""

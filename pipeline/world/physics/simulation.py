@@ -10,7 +10,8 @@ import sapien
 from pipeline.data.clock import PHYSICS_HZ
 from pipeline.data.episode.state_log import Event
 from pipeline.data.names import SIDES
-from pipeline.motion.contract import TargetMotion
+from pipeline.motion.contract import Motion, TargetMotion
+from pipeline.motion.planar import PlanarMotion
 from pipeline.motion.scenery import AWAY
 from pipeline.motion.wrapped import Change, changed, led_by, others_of
 from pipeline.poses import (
@@ -26,7 +27,7 @@ from pipeline.poses import (
 from pipeline.world.robots.contract import Embodiment
 
 from .arms import to_sapien
-from .body import BORNE, Body, Motion, StillMotion
+from .body import BORNE, Body
 from .contacts import Contacts, ForceWatch, Overload
 from .drive import AfterTouch, Drive, Hold, ImperfectDrives
 from .events import PROP, EventScript
@@ -194,7 +195,7 @@ class Simulation(PhysicsScene):
         """Let free bodies rest before the clock starts, in 12 to 240 steps; returns whether they
         did."""
         command, still, motion = self.home_vector(), np.zeros(len(self.command)), self.motion
-        self.motion, self._waiting = StillMotion(motion.pose(_START)), True
+        self.motion, self._waiting = PlanarMotion.still(motion.pose(_START), 1.0), True
         at_rest = False
         for n in range(PHYSICS_HZ):
             self.step(command, still)
