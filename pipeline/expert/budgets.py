@@ -16,7 +16,6 @@ class Speeds:
     press: float = 0.10
     creep: float = 0.003
     """Of fingertips just before they touch: at 5 mm/s one step pushed a stapler with 38 N."""
-    swing: float = 10.0  # so high that only the joints limit the motion
     swing_scale: float = 2.0  # times the planned joint speeds, for shaking, rocking and turning
 
 

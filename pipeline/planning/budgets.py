@@ -86,8 +86,6 @@ class MotionLimits:
 
     grid: float = 0.05  # rad or m between grid points of the time parameterisation
 
-    line_speed: float = 0.25  # m/s of the tcp along a straight line unless another is given
-
 
 @dataclass(frozen=True)
 class Margins:

@@ -226,16 +226,6 @@ class ArmPlanner:
             raise PlanFailure("path_blocked", f"the {self.side} arm finds no path")
         return best
 
-    def line_trajectory(
-        self, goal: Pose, *, metres_per_second: float = LIMITS.line_speed, speed_scale: float = 1.0
-    ) -> ArmTrajectory:
-        """Straight to the world pose `goal` (7,). Raises PlanFailure("line_unreachable")."""
-        path = self.line(self.q, goal)
-        if path is None:
-            raise PlanFailure("line_unreachable", f"the {self.side} arm cannot go straight there")
-        length = float(np.linalg.norm(goal[:3] - self.fk(self.q)[:3]))
-        return self.timed(path, minimum=length / metres_per_second, speed_scale=speed_scale)
-
 
 @lru_cache(maxsize=4)
 def planner_of(embodiment: Embodiment) -> Planner:

@@ -103,8 +103,10 @@ def _swung(a: Actor, side: str, swing: _Swing, times: int, speed_scale: float) -
     yield {side: a.arm_planner(side).timed(swing.out, speed_scale=speed_scale)}
     for goal in (*(swing.ends[1 - k % 2] for k in range(times)), swing.middle):
         arm = a.arm_planner(side)
-        speeds = {"metres_per_second": SPEEDS.swing, "speed_scale": speed_scale}
-        yield {side: arm.line_trajectory(goal, **speeds)}
+        path = arm.line(arm.q, goal)
+        if path is None:
+            raise PlanFailure("line_unreachable", f"the {side} arm cannot swing on from here")
+        yield {side: arm.timed(path, speed_scale=speed_scale)}
 
 
 def _shake_axes(hand: Pose, angle: float) -> Iterator[Floats]:
