@@ -1,8 +1,9 @@
 """export and publish."""
 
 import sys
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import MISSING, fields
+from collections.abc import Iterable, Sequence
+from dataclasses import MISSING, Field, fields
+from inspect import Parameter, Signature
 from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -31,49 +32,38 @@ from .common import (
     split_list,
 )
 
-GIVEN = "given"
+GIVEN, OPTIONS = "given", "options"  # of the format, in the context of a command line
 FORMATS = (
     "lerobot, lerobot-v2.1, aloha, robotwin, xpolicylab, parquet, zarr, robomimic, rlds,"
     " dynamicwam, puma-gt"
 )
 
 
-def format_flags(formats: Iterable[str]) -> dict[str, dict[str, bool]]:
-    """Option as it is typed -> format that has it -> whether it takes no value there."""
+def format_options(formats: Iterable[str]) -> list[Any]:
+    """The options of formats, as typer knows them."""
     from pipeline.export import EXPORTERS
     from pipeline.export.options import flag_name, is_flag
 
-    flags: dict[str, dict[str, bool]] = {}
+    found, users = dict[str, Field[Any]](), dict[str, list[str]]()
     for name in formats:
         for f in fields(EXPORTERS[name].options):
-            flags.setdefault(flag_name(f), {})[name] = is_flag(f)
-    return flags
+            found[f.name] = f
+            users.setdefault(f.name, []).append(name)
 
+    def verb(**_: Any) -> None: ...
 
-def split_options(
-    args: list[str], own: set[str], flags: Mapping[str, bool], format_: str = ""
-) -> tuple[list[str], dict[str, str | bool]]:
-    """Arguments without the options of the format, and these by field name; `flags` is true for
-    options without a value. Raises UsageError."""
-    rest: list[str] = []
-    given: dict[str, str | bool] = {}
-    left = iter(args)
-    for word in left:
-        flag, sign, value = word.partition("=")
-        if word == "--":
-            return [*rest, word, *left], given
-        if flag in flags:
-            if not flags[flag] and not sign and (value := next(left, None)) is None:
-                raise UsageError(f"{flag} needs a value")
-            given[flag.removeprefix("--").replace("-", "_")] = True if flags[flag] else str(value)
-        elif flag.startswith("--") and flag not in own:
-            options = ", ".join(flags) or "none"
-            raise UsageError(
-                f"{flag} is not an option of export nor of --format {format_}, which has: {options}"
-            )
-        else:
-            rest.append(word)
-    return rest, given
+    parameters = list[Parameter]()
+    for name, f in found.items():
+        text = f"{f.metadata['help']} ({', '.join(users[name])})"
+        default = "" if f.default in (MISSING, None) or is_flag(f) else str(f.default)
+        shown = option(text, flag_name(f), show_default=default or False)
+        kind = Annotated[bool | None if is_flag(f) else str | None, shown]
+        parameters.append(Parameter(name, Parameter.KEYWORD_ONLY, default=None, annotation=kind))
+    verb.__signature__ = Signature(parameters)  # pyright: ignore[reportFunctionMemberAccess]
+    verb.__annotations__ = {each.name: each.annotation for each in parameters}
+    holder = typer.Typer(add_completion=False)
+    holder.command()(verb)
+    return typer.main.get_command(holder).params
 
 
 def named_format(args: Sequence[str]) -> str | None:
@@ -89,36 +79,21 @@ def named_format(args: Sequence[str]) -> str | None:
 class ExportCommand(Verb):
     """A command that takes the options of a format beside its own, importing no other format."""
 
+    def get_params(self, ctx: Any) -> list[Any]:
+        return [*super().get_params(ctx), *ctx.meta.get(OPTIONS, ())]
+
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Parse the command line. Raises UsageError for options that the format does not have."""
+        """Parse the command line. Raises TyperException for options of other formats."""
         from pipeline.export import EXPORTERS
 
-        name, helps = named_format(args), "--help" in args
-        # words that the shell completes
-        if name is None and not helps and not ctx.resilient_parsing:
-            raise UsageError(f"export needs --format: choose {', '.join(EXPORTERS)}")
+        name = named_format(args)
         # whether the format exists is for the verb to say
-        known = name is not None and name in EXPORTERS and not helps
-        flags = format_flags([str(name)] if known else EXPORTERS)
-        own = {option for parameter in self.get_params(ctx) for option in parameter.opts}
-        alone = {flag: all(users.values()) for flag, users in flags.items()}
-        rest, ctx.meta[GIVEN] = split_options(args, own, alone, name or "")
-        if helps:
-            self.epilog = _describe_options(flags)
-        return super().parse_args(ctx, rest)
-
-
-def _describe_options(flags: Mapping[str, Mapping[str, bool]]) -> str:
-    from pipeline.export import EXPORTERS
-    from pipeline.export.options import flag_name
-
-    lines = ["Options of formats:"]
-    for flag, users in flags.items():
-        f = next(f for f in fields(EXPORTERS[next(iter(users))].options) if flag_name(f) == flag)
-        stated = f.default is not MISSING and f.default != "" and not isinstance(f.default, bool)
-        default = f"; default {f.default}" if stated and f.default is not None else ""
-        lines.append(f"{flag} ({', '.join(users)}): {f.metadata['help']}{default}")
-    return "\n\n".join(lines)
+        known = name in EXPORTERS and "--help" not in args
+        options = ctx.meta[OPTIONS] = format_options([str(name)] if known else [*EXPORTERS])
+        rest = super().parse_args(ctx, args)
+        values = {each.name: ctx.params.pop(each.name) for each in options}
+        ctx.meta[GIVEN] = {name: value for name, value in values.items() if value is not None}
+        return rest
 
 
 def export(

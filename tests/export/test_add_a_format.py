@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.commands.export import format_flags
+from pipeline.commands.export import format_options
 from pipeline.data.episode.file import open_episode
 from pipeline.export import EXPORTERS, ExportError, parse_options
 from tests.export.running import check_export, run
@@ -39,7 +39,8 @@ def test_the_format_of_the_page(npz, tmp_path):
             np.testing.assert_array_equal(got["action"], e.array("joint_action/vector"))
             np.testing.assert_array_equal(got["images"][2], e.rgb("left_camera", 2))
     assert check_export(tmp_path, out, episodes) == []
-    assert format_flags(["npz"])["--camera"] == {"npz": False}
+    (of_page,) = format_options(["npz"])
+    assert of_page.opts == ["--camera"] and not of_page.is_flag
     with pytest.raises(ExportError, match="--camera 'top': choose head or left or right"):
         parse_options("npz", EXPORTERS["npz"].options, {"camera": "top"})
     assert len(npz.splitlines()) < 150

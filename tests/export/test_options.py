@@ -1,14 +1,15 @@
 """Options of formats: parsed from texts, one line for each that is wrong."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import pytest
+from typer import TyperException
 
-from pipeline.commands.common import UsageError
-from pipeline.commands.export import format_flags, split_options
+from pipeline import cli
+from pipeline.commands.export import GIVEN
 from pipeline.data.names import exported_names
 from pipeline.export import EXPORTERS, ExportError, option, parse_options
-from pipeline.export.options import camera_names, image_size, one_of, whole
+from pipeline.export.options import camera_names, image_size, is_flag, one_of, whole
 
 
 @dataclass(frozen=True)
@@ -66,8 +67,8 @@ def test_options_of_actions_that_change_nothing_are_refused(given, said):
 
 
 def test_an_option_takes_a_value_in_all_formats_or_in_none():
-    for users in format_flags(EXPORTERS).values():
-        assert len(set(users.values())) == 1
+    kinds = {(f.name, is_flag(f)) for each in EXPORTERS.values() for f in fields(each.options)}
+    assert len({name for name, _ in kinds}) == len(kinds)
 
 
 def test_sizes_and_camera_names():
@@ -106,18 +107,17 @@ def test_cameras_get_the_names_of_the_field_unless_others_are_given():
             exported_names(cameras, given)
 
 
-def test_the_command_line_is_split_into_its_own_options_and_those_of_formats():
-    flags = {"--jpeg-order": False, "--pad-rows": True}
-    args = ["--jpeg-order", "rgb", "OUT", "--format", "aloha", "--pad-rows", "--out=x"]
-    assert split_options(args, {"--format", "--out"}, flags) == (
-        ["OUT", "--format", "aloha", "--out=x"],
-        {"jpeg_order": "rgb", "pad_rows": True},
-    )
-    assert split_options(["--jpeg-order=rgb"], set(), flags) == ([], {"jpeg_order": "rgb"})
-    with pytest.raises(UsageError, match="--jpeg-order needs a value"):
-        split_options(["OUT", "--jpeg-order"], set(), flags)
-    with pytest.raises(
-        UsageError,
-        match="--paddle is not an option of export nor of --format aloha, which has: --jpeg",
-    ):
-        split_options(["OUT", "--paddle"], set(), flags, "aloha")
+def given(*args: str) -> dict[str, object]:
+    """What a command line gives to the format."""
+    with cli.Verbs().load("export").make_context("export", list(args)) as context:
+        return context.meta[GIVEN]
+
+
+def test_the_options_of_a_format_are_options_of_the_command():
+    args = ("--jpeg-order", "rgb", "OUT", "--format", "aloha", "--pad-rows", "--out=x")
+    assert given(*args) == {"jpeg_order": "rgb", "pad_rows": True}
+    assert given("OUT", "--format=aloha", "--jpeg-order=rgb") == {"jpeg_order": "rgb"}
+    for wrong, said in (("--jpeg-order", "requires an argument"), ("--paddle", "No such option")):
+        with pytest.raises(TyperException) as raised:
+            given("OUT", "--format", "aloha", wrong)
+        assert said in raised.value.format_message()
