@@ -22,7 +22,7 @@ from pipeline.tasks import TASKS
 from pipeline.world.drawing.renderer import device_of
 
 from .slot.fill import FillJob, fill_slot
-from .state import PHYSICS, redo_rows, redone
+from .state import PHYSICS, redone
 
 # slots that a measurement makes, besides the first, which pays for what is loaded once
 MEASURED = 3
@@ -173,7 +173,7 @@ def plan(
     """The work that is left: cells, parts to make again (`redo`), estimated hours, core-hours
     and bytes. Raises DatasetError for a dataset of another recipe.
     """
-    done, redo = Counter[Cell](), Counter[tuple[str, tuple[str, ...]]]()
+    done, redo = Counter[Cell](), list[dict[str, Any]]()
     if dataset is not None and dataset.manifest.exists():
         if changed := differences(dataset.recipe(), recipe):
             raise DatasetError(
@@ -190,13 +190,13 @@ def plan(
         for cell, count in recipe.counts().items()
     ]
     slots = sum(cell["episodes"] for cell in cells)
-    left = slots - done.total() + sum(count for (what, _), count in redo.items() if what == PHYSICS)
+    left = slots - done.total() + sum(row["slots"] for row in redo if row["what"] == PHYSICS)
     hours, most = cost.hours(left, workers)
     return {
         "cells": cells,
         "slots": slots,
         "finished": done.total(),
-        "redo": redo_rows(redo),
+        "redo": redo,
         "workers": workers,
         "estimated_hours": hours,
         "estimated_hours_most": most,

@@ -116,8 +116,9 @@ def missing(dataset: Dataset, recipe: Recipe, writer: IndexWriter) -> dict[Slot,
     return {slot: state for slot, state in each if state.todo != DONE}
 
 
-def redone(recipe: Recipe, rows: Rows, there: Bools) -> Counter[tuple[str, tuple[str, ...]]]:
-    """How many slots a build would make again, and why; `there` is (N,)."""
+def redone(recipe: Recipe, rows: Rows, there: Bools) -> list[dict[str, Any]]:
+    """What of how many slots a build would make again, and why: {"what", "because", "slots"},
+    sorted; `there` is (N,)."""
     (cases, of), found = judge_keys(recipe, rows), Counter[tuple[str, tuple[str, ...]]]()
     for here in (True, False):
         counts = np.bincount(of[there == here], minlength=len(cases)).tolist()
@@ -125,19 +126,15 @@ def redone(recipe: Recipe, rows: Rows, there: Bools) -> Counter[tuple[str, tuple
             state = _with_file(case, here)
             if state.todo not in (DONE, OPEN):
                 found[state.todo, state.because] += number
-    return +found
-
-
-def redo_rows(redo: Mapping[tuple[str, tuple[str, ...]], int]) -> list[dict[str, Any]]:
-    """What `redone` counted as plain data: {"what", "because", "slots"}, sorted."""
     return [
         {"what": what, "because": list(because), "slots": n}
-        for (what, because), n in sorted(redo.items())
+        for (what, because), n in sorted(found.items())
+        if n
     ]
 
 
 def redo_lines(rows: Iterable[Mapping[str, Any]]) -> list[str]:
-    """A line for each of `redo_rows`."""
+    """A line for each of `redone`."""
     return [
         f"a build would make the {r['what']} of {r['slots']} slots again: changed"
         f" {', '.join(r['because'])}"
@@ -184,7 +181,7 @@ def status(dataset: Dataset) -> dict[str, Any]:
         "reasons": dict(by_reason.most_common()),
         "failures": [asdict(reason) for reason in failures],
         "pairs": pairs_in(dataset, recipe),
-        "redo": redo_rows(redo),
+        "redo": redo,
         "cells": {
             cell.path: {name: counts[rank] for name, counts in counted.items()}
             for rank, cell in enumerate(there.cells)

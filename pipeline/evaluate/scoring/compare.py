@@ -34,10 +34,10 @@ class ComparedPolicy:
         return _group(self.rows, lambda r: json.dumps([*json.loads(r["key"])[2:5], r["rules"]]))
 
 
-def _group(rows: Sequence[Row], key: Callable[[Row], Any]) -> dict[Any, list[Row]]:
-    out = defaultdict[Any, list[Row]](list)
-    for row in rows:
-        out[key(row)].append(row)
+def _group[T](items: Sequence[T], key: Callable[[T], Any]) -> dict[Any, list[T]]:
+    out = defaultdict[Any, list[T]](list)
+    for item in items:
+        out[key(item)].append(item)
     return out
 
 
@@ -196,11 +196,9 @@ def _pair(a: ComparedPolicy, b: ComparedPolicy) -> list[tuple[Row, SceneResult]]
 
 
 def _scenes(pairs: Sequence[tuple[Row, SceneResult]]) -> list[SceneResult]:
-    clusters = defaultdict[Any, list[SceneResult]](list)
-    for row, scene in pairs:
-        clusters[scene_of(row)].append(scene)
     out = list[SceneResult]()
-    for group in clusters.values():
+    for cluster in _group(pairs, lambda pair: scene_of(pair[0])).values():
+        group = [scene for _, scene in cluster]
         first, second = (
             float(np.mean([getattr(s, k) for s in group])) for k in ("first", "second")
         )
