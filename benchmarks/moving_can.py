@@ -24,15 +24,14 @@ from pathlib import Path
 from typing import cast
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from benchmarks.hardware import hardware
 from pipeline.data.recipe.model import Recipe
 from pipeline.data.spec import EpisodeSpec
 from pipeline.expert.actor import Actor, Skill
 from pipeline.expert.skills import grasp, lift
+from pipeline.motion.contract import MotionRequest
 from pipeline.motion.planar_shapes import DRAW, TERMS, DrawnPaths
-from pipeline.motion.workspace import Workspace
 from pipeline.stages.attempt import attempt
 from pipeline.stages.failure import Failure
 from pipeline.tasks.contract import (
@@ -87,20 +86,13 @@ class CatchCan(Task):
         return {"held": o.holds(arms["arm"], "can"), "lifted": o.rise("can") > 0.05}
 
 
-def draw_exact_speed(
-    rng: np.random.Generator,
-    n: int,
-    alpha: float,
-    total: float,
-    end: ArrayLike,
-    workspace: Workspace,
-) -> DrawnPaths:
+def draw_exact_speed(rng: np.random.Generator, n: int, asked: MotionRequest) -> DrawnPaths:
     """Constant velocity of exactly alpha m/s in any direction; stands in for level 1."""
     angle = rng.uniform(0.0, 2 * np.pi, n)
-    travel = alpha * total * np.stack([np.cos(angle), np.sin(angle)], -1)
+    travel = asked.alpha * asked.total * np.stack([np.cos(angle), np.sin(angle)], -1)
     c = np.zeros((n, 1, 2, TERMS))
-    c[:, 0, :, 0], c[:, 0, :, 1] = np.asarray(end, float) - travel, travel
-    return DrawnPaths(np.full((n, 1), total), c, np.zeros(n, bool))
+    c[:, 0, :, 0], c[:, 0, :, 1] = asked.end[:2] - travel, travel
+    return DrawnPaths(np.full((n, 1), asked.total), c, np.zeros(n, bool))
 
 
 @contextmanager

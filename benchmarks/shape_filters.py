@@ -5,6 +5,7 @@ all tasks, 5 cm or more from their edges; alpha is 0.1 m/s.
 """
 
 from collections import Counter
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,16 +37,11 @@ def row(level: int, total: float, rng: np.random.Generator) -> str:
         space = task.workspace
         for _ in range(ENDS):
             end = np.append(rng.uniform(space.lower + EDGE, space.upper - EDGE), 0.75)
-            paths = DRAW[level](rng, SHAPES, ALPHA, total, end[:2], space)
-            counts.update(
-                judge_shapes(
-                    paths,
-                    MotionRequest(
-                        level, ALPHA, total, end, space, end_speed_limit=END_SPEED * ALPHA
-                    ),
-                ).tolist()
-            )
-            others = judge_shapes(paths, MotionRequest(level, ALPHA, total, end, space)) == ""
+            asked = MotionRequest(level, ALPHA, total, end, space)
+            paths = DRAW[level](rng, SHAPES, asked)
+            limited = replace(asked, end_speed_limit=END_SPEED * ALPHA)
+            counts.update(judge_shapes(paths, limited).tolist())
+            others = judge_shapes(paths, asked) == ""
             otherwise += int(others.sum())
             fastest = max(fastest, end_speeds(paths)[others].max(initial=0.0))
     share = " | ".join(f"{100 * counts[reason] / counts.total():.1f}" for reason in REASONS)
@@ -61,9 +57,9 @@ def pieces(total: float, end_speed: float | None, rng: np.random.Generator) -> s
         space = task.workspace
         for _ in range(ENDS):
             end = np.append(rng.uniform(space.lower + EDGE, space.upper - EDGE), 0.75)
-            paths = DRAW[3](rng, SHAPES, ALPHA, total, end[:2], space)
-            limits = MotionRequest(3, ALPHA, total, end, space, end_speed_limit=end_speed)
-            for i in np.flatnonzero(judge_shapes(paths, limits) == ""):
+            asked = MotionRequest(3, ALPHA, total, end, space, end_speed_limit=end_speed)
+            paths = DRAW[3](rng, SHAPES, asked)
+            for i in np.flatnonzero(judge_shapes(paths, asked) == ""):
                 own, lasts = paths.coefficients[i], paths.durations[i]
                 used = np.flatnonzero(lasts)
                 straight += [not own[k, :, 2:].any() for k in used]

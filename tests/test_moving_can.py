@@ -4,6 +4,7 @@ import numpy as np
 
 from benchmarks.moving_can import CatchCan, Try, draw_exact_speed, moving_cans, one, table
 from pipeline.data.spec import EpisodeSpec
+from pipeline.motion.contract import MotionRequest
 from pipeline.motion.planar_shapes import DRAW, draw_level_1
 from pipeline.motion.workspace import Workspace
 from pipeline.stages.scene import build_scene
@@ -13,15 +14,13 @@ SPEC = EpisodeSpec("catch_can", "franka-panda", 1, 0.2, "clean", 0, 0)
 
 
 def test_the_speed_is_exact_and_every_path_ends_where_it_must():
-    end = np.array([0.1, -0.05])
-    paths = draw_exact_speed(
-        np.random.default_rng(0), 50, 0.2, 1.7, end, Workspace(-0.35, 0.35, -0.25, 0.25)
-    )
+    space = Workspace(-0.35, 0.35, -0.25, 0.25)
+    asked = MotionRequest(1, 0.2, 1.7, (0.1, -0.05, 0.75), space)
+    paths = draw_exact_speed(np.random.default_rng(0), 50, asked)
     travel = paths.coefficients[:, 0, :, 1]
     np.testing.assert_allclose(np.linalg.norm(travel, axis=1) / paths.durations[:, 0], 0.2)
-    np.testing.assert_allclose(
-        paths.coefficients[:, 0, :, 0] + travel, np.broadcast_to(end, (50, 2))
-    )
+    ends = paths.coefficients[:, 0, :, 0] + travel
+    np.testing.assert_allclose(ends, np.broadcast_to(asked.end[:2], (50, 2)))
     assert not paths.missed.any()
     # all around: every quadrant is drawn
     assert len(np.unique(np.sign(travel), axis=0)) == 4

@@ -3,7 +3,6 @@
 Starts and intermediate points are drawn within alpha * total of the end: the paper's distribution
 conditioned on acceptance. It accepts 1 level 3 candidate in 80, the plain draw 1 in 400."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +11,7 @@ from scipy.special import ndtri
 
 from pipeline.poses import Bools, Floats, Ints
 
+from .contract import MotionRequest
 from .planar import interpolation
 from .workspace import Workspace, draw_within_reach
 
@@ -52,22 +52,15 @@ def turned(path: DrawnPaths, angles: Floats, mirrored: Bools, end: ArrayLike) ->
     return DrawnPaths(np.repeat(path.durations, n, 0), coefficients, np.repeat(path.missed, n))
 
 
-def draw_level_1(
-    rng: np.random.Generator,
-    n: int,
-    alpha: float,
-    total: float,
-    end: ArrayLike,
-    workspace: Workspace,
-) -> DrawnPaths:
+def draw_level_1(rng: np.random.Generator, n: int, asked: MotionRequest) -> DrawnPaths:
     """Constant velocity: speed |N(0.8 alpha, alpha/3)| clipped to [0.01, alpha] m/s."""
-    end = np.asarray(end, float)
+    alpha = asked.alpha
     speed = np.clip(np.abs(rng.normal(0.8 * alpha, alpha / 3, n)), min(0.01, alpha), alpha)
     angle = rng.uniform(0.0, 2 * np.pi, n)
-    travel = (speed * total)[:, None] * np.stack([np.cos(angle), np.sin(angle)], -1)
+    travel = (speed * asked.total)[:, None] * np.stack([np.cos(angle), np.sin(angle)], -1)
     c = np.zeros((n, 1, 2, TERMS))
-    c[:, 0, :, 0], c[:, 0, :, 1] = end - travel, travel
-    return DrawnPaths(np.full((n, 1), total), c, np.zeros(n, bool))
+    c[:, 0, :, 0], c[:, 0, :, 1] = asked.end[:2] - travel, travel
+    return DrawnPaths(np.full((n, 1), asked.total), c, np.zeros(n, bool))
 
 
 def mean_speed(alpha: float) -> float:
@@ -76,47 +69,32 @@ def mean_speed(alpha: float) -> float:
     return float(np.clip(np.abs(0.8 * alpha + z * alpha / 3), min(0.01, alpha), alpha).mean())
 
 
-def draw_level_2(
-    rng: np.random.Generator,
-    n: int,
-    alpha: float,
-    total: float,
-    end: ArrayLike,
-    workspace: Workspace,
-) -> DrawnPaths:
+def draw_level_2(rng: np.random.Generator, n: int, asked: MotionRequest) -> DrawnPaths:
     """One polynomial of degree 2-4; inner control points lie within 0.1 m of the chord per axis."""
-    end = np.asarray(end, float)
-    start = draw_within_reach(rng, n, workspace, end, alpha * total)
-    c = _curve(rng, start, np.broadcast_to(end, (n, 2)), (3, 4, 5), 0.1, workspace)
-    return DrawnPaths(np.full((n, 1), total), c[:, None], np.zeros(n, bool))
+    start, end = _near(rng, n, asked), np.broadcast_to(asked.end[:2], (n, 2))
+    c = _curve(rng, start, end, (3, 4, 5), 0.1, asked.workspace)
+    return DrawnPaths(np.full((n, 1), asked.total), c[:, None], np.zeros(n, bool))
 
 
-def draw_level_3(
-    rng: np.random.Generator,
-    n: int,
-    alpha: float,
-    total: float,
-    end: ArrayLike,
-    workspace: Workspace,
-) -> DrawnPaths:
+def draw_level_3(rng: np.random.Generator, n: int, asked: MotionRequest) -> DrawnPaths:
     """Two or three pieces with Dirichlet(1) durations, none below 0.1 s (or total/6). Each has
     constant velocity (probability 0.2, clamped to alpha) or is a polynomial of degree 2-3. A
     clamped intermediate piece ends short of its target; a clamped last piece has missed."""
-    end = np.asarray(end, float)
+    end, workspace = asked.end[:2], asked.workspace
     count = rng.integers(2, MAX_PIECES + 1, n)
-    durations = _durations(rng, count, total)
+    durations = _durations(rng, count, asked.total)
     straight = rng.random((n, MAX_PIECES)) < 0.2
-    current = draw_within_reach(rng, n, workspace, end, alpha * total)
+    current = _near(rng, n, asked)
     c = np.zeros((n, MAX_PIECES, 2, TERMS))
     missed = np.zeros(n, bool)
     for i in range(MAX_PIECES):
-        near = draw_within_reach(rng, n, workspace, end, alpha * total)
+        near = _near(rng, n, asked)
         anywhere = rng.uniform(workspace.lower, workspace.upper, (n, 2))
         final = (count - 1 <= i)[:, None]
         target = np.where(final, end, np.where(straight[:, i, None], anywhere, near))
         way = target - current
-        length = np.linalg.norm(way, axis=-1)
-        way *= np.minimum(1.0, alpha * durations[:, i] / np.where(length > 0, length, 1.0))[:, None]
+        length, fastest = np.linalg.norm(way, axis=-1), asked.alpha * durations[:, i]
+        way *= np.minimum(1.0, fastest / np.where(length > 0, length, 1.0))[:, None]
         line = np.zeros((n, 2, TERMS))
         line[..., 0], line[..., 1] = current, way
         curve = _curve(rng, current, target, (3, 4), 0.08, workspace)
@@ -129,7 +107,12 @@ def draw_level_3(
     return DrawnPaths(durations, c, missed)
 
 
-DRAW: dict[int, Callable[..., DrawnPaths]] = {1: draw_level_1, 2: draw_level_2, 3: draw_level_3}
+DRAW = {1: draw_level_1, 2: draw_level_2, 3: draw_level_3}
+
+
+def _near(rng: np.random.Generator, n: int, asked: MotionRequest) -> Floats:
+    """Points (n, 2) from which the end can be reached in time."""
+    return draw_within_reach(rng, n, asked.workspace, asked.end[:2], asked.alpha * asked.total)
 
 
 def _curve(

@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 from scipy.stats import foldnorm, kstest
 
+from pipeline.motion.contract import MotionRequest
 from pipeline.motion.planar import evaluate
 from pipeline.motion.planar_shapes import (
     DRAW,
@@ -16,13 +17,17 @@ TABLE = Workspace(-0.35, 0.35, -0.25, 0.15)
 END = np.array([0.12, -0.08])
 
 
+def asked(alpha, total, workspace=TABLE):
+    return MotionRequest(1, alpha, total, np.append(END, 0.75), workspace)
+
+
 def along(paths, s):
     return evaluate(paths.coefficients, s)
 
 
 def test_level_1_speeds_follow_the_clipped_folded_normal():
     n, alpha, total = 20000, 0.1, 3.0
-    paths = draw_level_1(np.random.default_rng(5), n, alpha, total, END, TABLE)
+    paths = draw_level_1(np.random.default_rng(5), n, asked(alpha, total))
     speed = np.linalg.norm(paths.coefficients[:, 0, :, 1], axis=-1) / total
     law = foldnorm(c=0.8 * 3, scale=alpha / 3)
     assert speed.min() >= 0.01 - 1e-12
@@ -36,7 +41,7 @@ def test_level_1_speeds_follow_the_clipped_folded_normal():
 
 
 def test_level_1_directions_are_uniform_and_the_start_is_the_end_minus_v_t():
-    paths = draw_level_1(np.random.default_rng(6), 5000, 0.2, 2.5, END, TABLE)
+    paths = draw_level_1(np.random.default_rng(6), 5000, asked(0.2, 2.5))
     way = paths.coefficients[:, 0, :, 1]
     np.testing.assert_allclose(along(paths, 0.0)[:, 0], END - (way / 2.5) * 2.5, atol=1e-15)
     np.testing.assert_allclose(along(paths, 1.0)[:, 0], np.broadcast_to(END, (5000, 2)), atol=1e-15)
@@ -45,13 +50,13 @@ def test_level_1_directions_are_uniform_and_the_start_is_the_end_minus_v_t():
 
 
 def test_level_1_below_a_centimetre_per_second_keeps_to_alpha():
-    paths = draw_level_1(np.random.default_rng(7), 100, 0.004, 2.0, END, TABLE)
+    paths = draw_level_1(np.random.default_rng(7), 100, asked(0.004, 2.0))
     np.testing.assert_allclose(np.linalg.norm(paths.coefficients[:, 0, :, 1], axis=-1), 0.004 * 2.0)
 
 
 def test_level_2_passes_control_points_beside_the_chord():
     n = 600
-    paths = draw_level_2(np.random.default_rng(8), n, 0.1, 6.0, END, TABLE)
+    paths = draw_level_2(np.random.default_rng(8), n, asked(0.1, 6.0))
     c = paths.coefficients[:, 0]
     np.testing.assert_allclose(evaluate(c, 1.0), np.broadcast_to(END, (n, 2)), atol=1e-12)
     degree = 4 - (c[..., ::-1] != 0).any(1).argmax(-1)
@@ -71,7 +76,7 @@ def test_level_2_passes_control_points_beside_the_chord():
 @pytest.mark.parametrize(("level", "noise"), [(2, 0.1), (3, 0.08)])
 def test_inner_control_points_are_beside_the_chord_by_any_share_of_the_noise(level, noise):
     """Of curves through three points, in a workspace whose edges no control point meets."""
-    paths = DRAW[level](np.random.default_rng(13), 4000, 0.1, 6.0, END, Workspace(-3, 3, -3, 3))
+    paths = DRAW[level](np.random.default_rng(13), 4000, asked(0.1, 6.0, Workspace(-3, 3, -3, 3)))
     c = paths.coefficients[:, 0]
     middle = c[(c[..., 2] != 0).all(-1) & (c[..., 3:] == 0).all((-1, -2))]
     beside = evaluate(middle, 0.5) - (evaluate(middle, 0.0) + evaluate(middle, 1.0)) / 2
@@ -82,7 +87,7 @@ def test_inner_control_points_are_beside_the_chord_by_any_share_of_the_noise(lev
 
 def test_level_3_pieces_join_and_add_up():
     n, alpha, total = 2000, 0.1, 4.0
-    paths = draw_level_3(np.random.default_rng(9), n, alpha, total, END, TABLE)
+    paths = draw_level_3(np.random.default_rng(9), n, asked(alpha, total))
     used = paths.durations > 0
     count = used.sum(-1)
     assert set(count) == {2, 3}
@@ -105,7 +110,7 @@ def test_level_3_pieces_join_and_add_up():
 
 def test_level_3_straight_pieces_aim_at_the_whole_workspace():
     alpha, total, n = 0.05, 1.5, 4000
-    paths = draw_level_3(np.random.default_rng(12), n, alpha, total, END, TABLE)
+    paths = draw_level_3(np.random.default_rng(12), n, asked(alpha, total))
     c, duration = paths.coefficients[:, 0], paths.durations[:, 0]
     straight = (c[..., 2:] == 0).all((-1, -2))
     clamped = np.linalg.norm(c[straight, :, 1], axis=-1) > alpha * duration[straight] - 1e-9
@@ -117,7 +122,7 @@ def test_level_3_straight_pieces_aim_at_the_whole_workspace():
 
 
 def test_level_3_durations_are_dirichlet_above_the_shortest_piece():
-    paths = draw_level_3(np.random.default_rng(10), 4000, 0.1, 4.0, END, TABLE)
+    paths = draw_level_3(np.random.default_rng(10), 4000, asked(0.1, 4.0))
     for count in (2, 3):
         rows = paths.durations[(paths.durations > 0).sum(-1) == count, :count]
         share = (rows - SHORTEST_PIECE) / (4.0 - count * SHORTEST_PIECE)
@@ -127,15 +132,13 @@ def test_level_3_durations_are_dirichlet_above_the_shortest_piece():
 
 
 def test_very_short_motions_still_have_pieces():
-    paths = draw_level_3(np.random.default_rng(11), 200, 0.1, 0.12, END, TABLE)
+    paths = draw_level_3(np.random.default_rng(11), 200, asked(0.1, 0.12))
     assert paths.durations[paths.durations > 0].min() >= 0.02
     np.testing.assert_allclose(paths.durations.sum(-1), 0.12)
 
 
 @pytest.mark.parametrize("level", DRAW)
 def test_the_same_stream_draws_the_same_paths(level):
-    a, b, c = (
-        DRAW[level](np.random.default_rng(seed), 50, 0.1, 3.0, END, TABLE) for seed in (1, 1, 2)
-    )
+    a, b, c = (DRAW[level](np.random.default_rng(seed), 50, asked(0.1, 3.0)) for seed in (1, 1, 2))
     assert a.coefficients.tobytes() == b.coefficients.tobytes()
     assert a.coefficients.tobytes() != c.coefficients.tobytes()

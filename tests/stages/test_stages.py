@@ -61,21 +61,22 @@ def test_a_target_is_met_at_three_times_alpha_at_most(monkeypatch, prepared, lev
         module, "back_calculate_motion", lambda asked, *of: requests.append(asked) or found
     )
     back_calculate(scene, dry, Setup())
-    alpha, end, space = (
-        requests[0].alpha,
-        np.asarray(requests[0].end_pose)[:3],
-        requests[0].workspace,
-    )
-    paths = DRAW[level](np.random.default_rng(1), 20_000, alpha, 6.0, end[:2], space)
+    asked, alpha = requests[0], requests[0].alpha
     limits = MotionRequest(
-        level, alpha, 6.0, end, space, end_speed_limit=requests[0].end_speed_limit
+        level,
+        alpha,
+        6.0,
+        asked.end_pose,
+        asked.workspace,
+        end_speed_limit=asked.end_speed_limit,
     )
+    paths = DRAW[level](np.random.default_rng(1), 20_000, limits)
     reasons = judge_shapes(paths, limits)
     last = np.arange(len(reasons)), (paths.durations > 0).sum(-1) - 1
     slopes = (paths.coefficients[last] * np.arange(paths.coefficients.shape[-1])).sum(-1)
     speeds = np.linalg.norm(slopes, axis=-1) / paths.durations[last] / alpha
     assert 2.5 < speeds[reasons == ""].max() <= 3
-    assert requests[0].tail == 0.25
+    assert asked.tail == 0.25
     assert 3 < speeds[reasons == "end_speed"].min() < 3.5
 
 

@@ -132,8 +132,7 @@ def _shape(
     asked: MotionRequest, still: PlanarMotion, rng: np.random.Generator, counts: Counter[str]
 ) -> DrawnPaths | None:
     for first in range(0, asked.candidates, BATCH):
-        law = asked.alpha, asked.total, asked.end[:2], asked.workspace
-        paths = DRAW[asked.level](rng, min(BATCH, asked.candidates - first), *law)
+        paths = DRAW[asked.level](rng, min(BATCH, asked.candidates - first), asked)
         reasons = judge_shapes(paths, asked)
         for i in np.flatnonzero(reasons == ""):
             motion = _motion(paths, int(i), still)
