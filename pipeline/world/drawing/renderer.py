@@ -1,6 +1,6 @@
 """Draw a state log: a pure function of meshes, poses, cameras and `Visuals`."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from functools import partial
 from typing import Any
@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from pipeline.data.cameras import Camera, View, world_poses
 from pipeline.data.episode.visuals import LOOK, Visuals
-from pipeline.poses import IDENTITY, Bools, Floats
+from pipeline.poses import IDENTITY, Floats
 from pipeline.world.looks.textures import Rgba
 from pipeline.world.shapes import Parts
 
@@ -26,9 +26,10 @@ from .engine import (
     component,
     millimetres,
 )
+from .masks import Depths
 from .room import shell, table_legs, table_light, table_top
-from .seen import visible_bodies
-from .shadows import CASTER_CELL, ShadowMap, caster, look_of, sun_map
+from .seen import Seen
+from .shadows import CASTER_CELL, NOTHING, ShadowMap, caster, look_of, sun_map
 from .software.casters import SoftwareCasters
 from .software.scene import Bodies, Picture, Planes, lamps_of
 from .surfaces import TABLE, channel, prepared
@@ -176,33 +177,46 @@ class Renderer(AbstractContextManager["Renderer"]):
             views.append(View(camera, at, rgb, far, bodies))
         poses = {name: self._look.rounded(p) for name, p in poses.items()}
         places = [world_poses(c, poses, len(index)) for c in self.cameras]
-        visible = list[Bools]()
+        seen = list[Seen]()
         if self._shadows is not None:
             self._shadows.follow(poses)
             still = np.repeat(IDENTITY[None], len(index), 0)
             placed = np.stack([poses[n] if n in self._moving else still for n in self._bounds], 1)
             centres, halves = (np.stack(part) for part in zip(*self._bounds.values(), strict=True))
-            visible = [
-                visible_bodies(c.type, at, placed, (centres, halves))
+            seen = [
+                Seen(c.type, at, placed, (centres, halves), self._sun)
                 for c, at in zip(self.cameras, places, strict=True)
             ]
+        buffers = list[Callable[[], Depths] | None]([None] * len(views))
         for k in range(len(index)):
             now = {name: poses[name][k] for name in self._moving}
             if self._shadows is None:
                 for view, at in zip(views, places, strict=True):
                     self._read(self._take(self._scenes[0], view, at[k], now), view, k)
                 continue
-            if self._preset.shadow:
-                self._shadows.draw(k)
-            taken = list[tuple[Any, Any]]()
-            for scene, view, at, seen in zip(self._scenes, views, places, visible, strict=True):
-                shown = [name for name, here in zip(self._bounds, seen[k], strict=True) if here]
+            changed = self._shadows.draw(k) if self._preset.shadow else NOTHING
+            taken = list[tuple[Any, Any] | None]()
+            for i, (scene, view, watched) in enumerate(zip(self._scenes, views, seen, strict=True)):
+                if watched.same(k, changed, buffers[i]):
+                    taken.append(None)
+                    continue
+                shown = [
+                    name
+                    for name, here in zip(self._bounds, watched.visible[k], strict=True)
+                    if here
+                ]
                 scene.show(shown)
                 here = {name: now[name] for name in shown if name in now}
-                taken.append(self._take(scene, view, at[k], here))
+                taken.append(cameras := self._take(scene, view, places[i][k], here))
+                buffers[i] = partial(cameras[0].get_picture, "GbufferDepth")
             # All are under way before the first is waited for.
             for cameras, view in zip(taken, views, strict=True):
-                self._read(cameras, view, k)
+                if cameras is not None:
+                    self._read(cameras, view, k)
+                    continue
+                for images in (view.rgb, view.depth, view.segmentation):
+                    if images is not None:
+                        images[k] = images[k - 1]
         return views
 
     def _take(

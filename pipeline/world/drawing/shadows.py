@@ -94,8 +94,8 @@ class Casters(Protocol):
 class ShadowMap[C: Casters]:
     """Depths along the light, 0-1, and share of light on table and floor, which `draw` updates.
 
-    `make` is given both. Poses are rounded to POSE_STEP; bodies still for SAME_STILL frames are
-    drawn once.
+    `make` is given both; `changed` is what the last `draw` returned. Poses are rounded to
+    POSE_STEP; bodies still for SAME_STILL frames are drawn once.
     """
 
     def __init__(
@@ -122,10 +122,13 @@ class ShadowMap[C: Casters]:
             for k in range(0, frames, n)
         ]
 
-    def draw(self, k: int) -> None:
-        """Update to frame `k`, in order from 0. `changed` are then the blocks (3,M,M) in which
-        light on table, on floor, and depths changed."""
-        self.changed = NOTHING
+    def draw(self, k: int) -> Blocks:
+        """Update to frame `k`, in order from 0. Returns blocks (3,M,M) in which light on table, on
+        floor, and depths changed."""
+        self.changed = self._draw(k)
+        return self.changed
+
+    def _draw(self, k: int) -> Blocks:
         movers = self._movers[k // SAME_STILL]
         if k % SAME_STILL == 0:
             self._place(self._bodies - movers, k)
@@ -133,7 +136,7 @@ class ShadowMap[C: Casters]:
             self._still = self.casters.take(np.ones_like(self._now))
             self.casters.show(movers, fixed=False)
         elif not movers:
-            return
+            return NOTHING
         depths = self._still
         if movers:
             self._place(movers, k)
@@ -143,16 +146,16 @@ class ShadowMap[C: Casters]:
         rows = np.flatnonzero(words.any(1))
         columns = np.flatnonzero(np.bitwise_or.reduce(words, 0).view(np.bool_))
         if not len(rows):
-            return
+            return NOTHING
         area = slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
         touched = grown(area, FAR // 2, known(ALL, depths.shape))
         before = self._lit[touched].copy()
         self._masks_of(depths, self._ground, self._lit, area)
         corner = touched[0].start, touched[1].start
-        self.changed = NOTHING.copy()
-        compare(different, before, self._lit, corner, self.changed)
+        compare(different, before, self._lit, corner, changed := NOTHING.copy())
         self._now = depths
         self.casters.upload(depths, self._lit)
+        return changed
 
     def _place(self, names: Iterable[str], k: int) -> None:
         for name in names:

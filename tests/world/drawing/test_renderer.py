@@ -294,17 +294,22 @@ def test_an_episode_of_an_older_look_is_drawn_as_it_was(number: int, file: str) 
     assert np.abs(older_look(number).astype(int) - stored).max() <= 2
 
 
-def test_an_arm_that_trembles_keeps_its_images() -> None:
-    frames = 12
+def test_an_arm_that_trembles_keeps_its_images(monkeypatch: pytest.MonkeyPatch) -> None:
+    frames, drawn = 12, list[str]()
     rng = np.random.default_rng(2)
     poses = {name: np.repeat(p, frames, 0) for name, p in POSES.items()}
     poses = {name: look_of(CLEAN.look).rounded(p) for name, p in poses.items()}
     trembling = {name: p + 1e-9 * rng.standard_normal(p.shape) for name, p in poses.items()}
-    wrist = Camera("wrist", KIND, "box", MOUNT)
+    wrist, take = Camera("wrist", KIND, "box", MOUNT), Renderer._take
+    monkeypatch.setattr(
+        Renderer, "_take", lambda self, *given: drawn.append("") or take(self, *given)
+    )
     images = dict[int, list[NDArray[np.uint8]]]()
-    for number in (LOOK, THIRD_LOOK, SECOND_LOOK):
+    for number, draws in ((LOOK, 2), (THIRD_LOOK, 2), (SECOND_LOOK, 2 * frames)):
+        drawn.clear()
         with Renderer(BODIES, [], [wrist, HEAD], replace(CLEAN, look=number)) as renderer:
             images[number] = [view.rgb for view in renderer.render(trembling)]
+        assert len(drawn) == draws
     for own, view, exact in zip(*images.values(), strict=True):
         assert (own == own[0]).all() and (view == view[0]).all()
         assert np.abs(view.astype(int) - exact).max() <= 8
@@ -429,7 +434,9 @@ def test_renderers_come_and_go_without_leaking() -> None:
     assert sizes[-1] - sizes[3] < 12  # MiB over 5 renderers
 
 
-def test_a_still_camera_takes_each_image_as_it_would_alone() -> None:
+def test_a_camera_that_sees_nothing_move_takes_no_other_image(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     # looks at the table beside the box; the shadow of the box crosses what it sees in some frames
     beside = Camera("beside", KIND, None, look((0.35, 0.0, 1.0), (0.0, 0.05, -1.0)))
     frames = 24
@@ -437,8 +444,14 @@ def test_a_still_camera_takes_each_image_as_it_would_alone() -> None:
     poses["box"][:, 0] = np.linspace(-0.5, 0.05, frames)
     poses["box"][:, 2] = 0.95
     poses["ball"] += np.random.default_rng(0).uniform(-1e-17, 1e-17, (frames, 7))
+    taken = list[str]()
+    take = Renderer._take
+    monkeypatch.setattr(
+        Renderer, "_take", lambda self, *given: taken.append("") or take(self, *given)
+    )
     with Renderer(BODIES, [], [beside], CLEAN) as renderer:
         together = renderer.render(poses, depth=True)[0]
+        assert 1 < len(taken) < frames - 4
         for k in range(frames):
             alone = renderer.render(poses, frames=[k], depth=True)[0]
             assert np.array_equal(alone.rgb[0], together.rgb[k])

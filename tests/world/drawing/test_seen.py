@@ -2,9 +2,12 @@
 
 import numpy as np
 
-from pipeline.data.cameras import CameraType, visible
+from pipeline.data.cameras import CameraType, look, visible
 from pipeline.poses import compose, pose, transform
-from pipeline.world.drawing.seen import in_view
+from pipeline.world.drawing.engine import FAR, NEAR
+from pipeline.world.drawing.masks import BLOCK
+from pipeline.world.drawing.seen import in_view, looked_up
+from pipeline.world.drawing.shadows import SHADOW_HALF_SIZE, SHADOW_MAP, sun_axes
 
 KIND = CameraType(64, 48, 40.0)
 
@@ -41,3 +44,16 @@ def test_edges_of_the_view_are_where_the_projection_puts_them() -> None:
         assert in_view(KIND, camera[None], body[None, None], *dot)[0, 0] == inside
     behind = compose(camera, pose((-0.1, 0, 0)))
     assert not in_view(KIND, camera[None], behind[None, None], *dot)[0, 0]
+
+
+def test_shadows_are_looked_up_where_the_image_shows_the_table() -> None:
+    camera, sun, depth = look((0.1, 0.05, 1.24), (0.0, 0.001, -1.0)), (0.0, 0.0, -1.0), 0.5
+    buffer = np.full((48, 64), (FAR - NEAR * FAR / depth) / (FAR - NEAR), np.float32)
+    table, floor, depths = looked_up(KIND, camera, buffer, sun)
+    assert not floor.any() and np.array_equal(table, depths)
+    axes, rows = sun_axes(sun), np.argwhere(table).mean(0)
+    x, y = ((rows[::-1] + 0.5) * BLOCK / SHADOW_MAP * 2 - 1) * SHADOW_HALF_SIZE * (-1, 1)
+    middle = x * axes[0] + y * axes[1]
+    assert np.allclose(middle[:2], (0.1, 0.05), atol=0.02)
+    area = 4 * depth**2 * np.tan(np.radians(20)) ** 2 * 64 / 48
+    assert area < table.sum() * (BLOCK * 2 * SHADOW_HALF_SIZE / SHADOW_MAP) ** 2 < 2 * area

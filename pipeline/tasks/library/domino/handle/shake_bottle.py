@@ -75,7 +75,7 @@ class ShakeBottleHorizontally(ShakeBottle):
     """Catch a moving bottle, lift it, tip it until it lies level, and rock it about the level six
     times."""
 
-    limits = by_name(**ShakeBottle.limits | {"swing": Limit(0.3, unit="rad")})
+    limits = by_name(**{**ShakeBottle.limits, "swing": Limit(0.3, unit="rad")})
     own_conditions = ("held", "level", "shaken")
 
     def layout(self, draw: Draw) -> Bodies:
