@@ -118,6 +118,9 @@ class Finder(_Part):
     nearest_task: bool = False
     """Whether a sentence is taken for the task of the demonstrations that it reads most like. Then
     unseen sentences are understood, and what tells two targets of one task apart is lost."""
+    near: bool = False
+    """Whether the policy is given the last centimetres of its ways to the bodies, and of its height
+    over the table, as numbers of their own."""
     width: Annotated[int, Field(ge=8, multiple_of=4)] = 16
     """Filters of a layer."""
     steps: Annotated[int, Field(ge=1)] = 1500

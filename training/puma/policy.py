@@ -225,7 +225,8 @@ class PumaPolicy(BatchPolicy):
         network, track = self._network, self.config.model.track
         if track is None:
             return
-        seen = torch.from_numpy(aims(out["track"], out["tools"], track.bodies)).to(self._device)
+        given = aims(out["track"], out["tools"], track.bodies, track.near)
+        seen = torch.from_numpy(given).to(self._device)
         with torch.inference_mode():
             told = network.finder and network.finder.read(network.words.ids([sentence]))
             if self.config.model.arms and (memory.choice is None or self._may_choose(out)):

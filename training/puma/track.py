@@ -185,19 +185,33 @@ class Tracks:
         return np.concatenate([track.numbers for track in self._each])
 
 
-def aim_numbers(points: int, bodies: int = 1) -> int:
+NEAR = 0.04
+"""Ways (m) on the table that `aims` tells finely."""
+
+LOW, LIFT = 0.77, 0.03
+"""Height (m) in the world, 3 cm over the table, around which `aims` tells heights of tools finely,
+and the differences (m) from it that it does."""
+
+
+def aim_numbers(points: int, bodies: int = 1, near: bool = False) -> int:
     """Numbers of `aims` for tracks of so many points each."""
-    return bodies * (track_numbers(points) + 4) + 6
+    return bodies * (track_numbers(points) + 4) + 6 + near * (4 * bodies + 2)
 
 
-def aims(track: NDArray[Any], tools: NDArray[Any], bodies: int = 1) -> NDArray[np.float32]:
+def aims(
+    track: NDArray[Any], tools: NDArray[Any], bodies: int = 1, near: bool = False
+) -> NDArray[np.float32]:
     """Features (B,F) of the tracks (B,M) of bodies and the positions (B,2,3) of both tools, as a
     network's input.
 
-    The tracks, the tools, and the displacements on the table from each tool to each body."""
+    The tracks, the tools, and the displacements on the table from each tool to each body. With
+    `near` those displacements in units of NEAR and the heights of the tools over LOW in units of
+    LIFT as well, through tanh: in deviations over a whole episode, a centimetre is little."""
     places = track.reshape(len(track), bodies, -1)[:, :, None, :2]
-    ways = places - tools[:, None, :, :2]
-    parts = [track, tools.reshape(len(track), -1), ways.reshape(len(track), -1)]
+    ways = (places - tools[:, None, :, :2]).reshape(len(track), -1)
+    parts = [track, tools.reshape(len(track), -1), ways]
+    if near:
+        parts += [np.tanh(ways / NEAR), np.tanh((tools[:, :, 2] - LOW) / LIFT)]
     return np.concatenate(parts, 1).astype(np.float32)
 
 

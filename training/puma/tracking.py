@@ -103,8 +103,9 @@ def with_tracks(
     )
     corpus = replace(corpus, train=train, validation=validation)
     if not trained and network.aim_scale is not None and settings is not None:
+        several, near = settings.bodies, settings.near
         seen = [
-            aims(arrays["track"][part.frame], arrays["tools"][part.frame], settings.bodies)
+            aims(arrays["track"][part.frame], arrays["tools"][part.frame], several, near)
             for part in train
             for arrays in [part.cache.arrays]
         ]

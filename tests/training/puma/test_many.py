@@ -135,6 +135,10 @@ def test_tracks_follow_two_bodies_and_aims_have_the_way_to_each():
     found = aims(tracks.numbers[None], tools, 2)
     assert found.shape == (1, aim_numbers(3, 2))
     assert found[0, -4:] == pytest.approx([-0.1, 0.1, -0.3, 0.0], abs=1e-3)
+    fine = aims(tracks.numbers[None], tools - [0, 0, 0.2], 2, near=True)
+    assert fine.shape == (1, aim_numbers(3, 2, near=True))
+    assert fine[0, -6:-2] == pytest.approx(np.tanh([-2.5, 2.5, -7.5, 0.0]), abs=0.03)
+    assert fine[0, -2:] == pytest.approx(np.tanh([1.0, 1.0]), abs=1e-6)
 
 
 @pytest.fixture(scope="module")

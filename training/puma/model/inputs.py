@@ -83,7 +83,8 @@ def inputs_of(
     if model.clock:
         found["clock"] = torch.from_numpy(arrays["clock"])[:, None]
     if model.track:
-        found["aims"] = torch.from_numpy(aims(arrays["track"], arrays["tools"], model.track.bodies))
+        seen = aims(arrays["track"], arrays["tools"], model.track.bodies, model.track.near)
+        found["aims"] = torch.from_numpy(seen)
     if model.arms:
         found["choice"] = torch.from_numpy(arrays["choice"])
     if model.touched:

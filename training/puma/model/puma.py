@@ -132,13 +132,13 @@ class Puma(nn.Module):
         if (track := model.track) is not None:
             self.finder = FinderNet(track, model.backbone.words, sizes.tasks)
             self.finder.requires_grad_(False)
-            self.aim_scale = Standard(aim_numbers(track.points, track.bodies))
+            aimed = aim_numbers(track.points, track.bodies, track.near)
+            self.aim_scale = Standard(aimed)
             self._tracked = track.bodies * track_numbers(track.points)
             if model.arms:
                 self.chooser = Chooser(self._tracked + track.words, len(CHOICES))
             if model.touched:
-                seen = aim_numbers(track.points, track.bodies) + sizes.joints
-                self.toucher = Chooser(seen + track.words, 1)
+                self.toucher = Chooser(aimed + sizes.joints + track.words, 1)
 
     def train(self, mode: bool = True) -> "Puma":
         """See torch. A finder that knows its tasks reads in training as it does afterwards."""
@@ -237,13 +237,13 @@ class Puma(nn.Module):
 
 def extra_sizes(config: Config, sizes: Sizes) -> dict[str, int]:
     """Numbers of each further input, in their order; each becomes one token."""
-    model = config.model
+    model, track = config.model, config.model.track
     wanted = {
         "past_time": model.history_length if model.history_times and model.history != "none" else 0,
         "state": sizes.joints if model.state else 0,
         "clock": 1 if model.clock else 0,
-        "aims": aim_numbers(model.track.points, model.track.bodies) if model.track else 0,
-        "told": model.track.words if model.track else 0,
+        "aims": aim_numbers(track.points, track.bodies, track.near) if track else 0,
+        "told": track.words if track else 0,
         "choice": len(CHOICES) if model.arms else 0,
         "touched": 1 if model.touched else 0,
     }
