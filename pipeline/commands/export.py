@@ -55,8 +55,9 @@ def format_options(formats: Iterable[str]) -> list[Any]:
     parameters = list[Parameter]()
     for name, f in found.items():
         text = f"{f.metadata['help']} ({', '.join(users[name])})"
-        default = "" if f.default in (MISSING, None) or is_flag(f) else str(f.default)
-        shown = option(text, flag_name(f), show_default=default or False)
+        if not is_flag(f) and f.default not in (MISSING, None, ""):
+            text += f" [default: {f.default}]"
+        shown = option(text, flag_name(f), show_default=False)
         kind = Annotated[bool | None if is_flag(f) else str | None, shown]
         parameters.append(Parameter(name, Parameter.KEYWORD_ONLY, default=None, annotation=kind))
     verb.__signature__ = Signature(parameters)  # pyright: ignore[reportFunctionMemberAccess]

@@ -107,8 +107,10 @@ def joint_velocity(facts: Facts) -> Floats:
     """Measured velocities (T,A): joints in rad/s, grippers (0-1) in 1/s by differences."""
     log, velocity = facts.log, np.zeros_like(facts.log.state)
     for i, name in enumerate(log.vector_names):
-        if not name.endswith("_gripper"):
+        if name in log.joints:
             velocity[:, i] = log.qvel[:, log.joints.index(name)]
+        elif not name.endswith("_gripper"):
+            raise ExportError(f"{facts.source}: the state log has no joint {name}")
         elif len(facts) > 1:
             velocity[:, i] = np.gradient(log.state[:, i], 1.0 / facts.fps)
     return velocity

@@ -195,7 +195,17 @@ def read_facts(
     episode, path, frames = file.read(), file.path, len(file)
     log, target, cameras = episode.log, file.array("target/pose"), episode.cameras
     seen, unseen = (list(episode.instructions[name]) for name in ("seen", "unseen"))
+    if not seen:
+        raise ExportError(f"{path}: has no instruction")
+    if np.abs(log.times - log.times[0] - np.arange(frames) / file.fps).max() > CLOCK_TOLERANCE:
+        raise ExportError(f"{path}: frames are not {file.fps} per second")
+    for name, value in {"state": log.state, "action": log.action, "target pose": target}.items():
+        if len(value) != frames:
+            raise ExportError(f"{path}: {name} has {len(value)} rows for {frames} frames")
     poses = {camera: file.array(f"observation/{camera}/pose") for camera in cameras}
+    for camera, values in poses.items():
+        if len(values) != frames:
+            raise ExportError(f"{path}: {camera} has {len(values)} images for {frames} frames")
     sizes = {file.size(camera) for camera in cameras}
     if len(sizes) != 1:
         raise ExportError(f"{path}: cameras of one size are needed, not {sorted(sizes)}")

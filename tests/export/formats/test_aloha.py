@@ -90,6 +90,9 @@ def test_velocities_are_the_derivatives_by_name(tmp_path, episodes):
     np.testing.assert_allclose(log.state[:, arms] ** 2 + got[:, arms] ** 2, 0.25, atol=1e-12)
     # grippers close linearly from 1 to 0 in 5 / 15 s
     np.testing.assert_allclose(got[:, [6, 13]], -3.0, atol=1e-9)
+    log.joints = tuple(n.replace("left_joint1", "left_other") for n in log.joints)
+    with pytest.raises(ExportError, match="no joint left_joint1"):
+        joint_velocity(facts)
 
 
 def test_resized_pictures(tmp_path, episodes):

@@ -159,9 +159,22 @@ BROKEN = {
         _change("observation/head_camera/rgb", np.array([b"no jpeg"] * 4)),
         "does not decode as JPEG",
     ),
+    "off the grid": (_change("timestamp", np.array([0, 0.06, 0.12, 0.18])), "not 15 per second"),
+    "short action": (
+        _change("joint_action/vector", np.zeros((3, 14))),
+        "action has 3 rows for 4 frames",
+    ),
     "not finite": (
         _change("target/pose", np.full((4, 7), np.nan)),
         "target/pose holds values that are not finite",
+    ),
+    "speechless": (
+        _change("instruction/seen", np.array([], h5py.string_dtype())),
+        "has no instruction",
+    ),
+    "blind for a frame": (
+        _change("observation/head_camera/pose", np.zeros((3, 7))),
+        "head_camera has 3 images",
     ),
 }
 
