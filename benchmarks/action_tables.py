@@ -81,10 +81,7 @@ def _by_representation(rows: Sequence[Row], solved: set[ReplayedScene]) -> str:
 def _by_column(rows: Sequence[Row], column: str) -> str:
     kinds = list(_groups(rows, "actions", "chunk"))
     heads = [f"`{actions}` {chunk}" for actions, chunk in kinds]
-    lines = [
-        f"| {' | '.join([column, 'scenes', *heads])} |",
-        f"|---{'|---:' * (len(kinds) + 1)}|",
-    ]
+    lines = [f"| {' | '.join([column, 'scenes', *heads])} |", f"|---{'|---:' * (len(kinds) + 1)}|"]
     for (value,), group in sorted(_groups(rows, column).items()):
         cells = _groups(group, "actions", "chunk")
         shares = [100 * np.mean([row["success"] for row in cells[kind]]) for kind in kinds]

@@ -234,14 +234,7 @@ SHOWN = 5
 LONG = ("outcome_questions", "families")
 """Tables of which a page has the first SHOWN rows, and docs/measurements/tables all."""
 
-MAKERS = (
-    skill_functions,
-    outcome_questions,
-    placements,
-    task_attributes,
-    families,
-    recipe_keys,
-)
+MAKERS = (skill_functions, outcome_questions, placements, task_attributes, families, recipe_keys)
 TABLES: dict[str, Callable[[], str]] = {make.__name__: make for make in MAKERS}
 
 

@@ -24,11 +24,7 @@ from pipeline.poses import Pose, compose, frame, pose
 from pipeline.world.looks.visuals import CLEAN
 
 CAMERAS = ("head_camera", "left_camera", "right_camera")
-COLORS = {
-    "head_camera": (220, 30, 30),
-    "left_camera": (30, 200, 40),
-    "right_camera": (30, 50, 220),
-}
+COLORS = {"head_camera": (220, 30, 30), "left_camera": (30, 200, 40), "right_camera": (30, 50, 220)}
 BACKGROUND = (120, 125, 130)
 HALF = 20  # half side of the square, pixels
 DRIFT = (3, 2)  # pixels a frame of the wrist images

@@ -66,17 +66,6 @@ def loaded(monkeypatch, tmp_path):
             "Limit = 1\nx = Limt(2)",
             "broken.py:2: NameError: name 'Limt' is not defined. Did you mean: 'Limit'?",
         ),
-        (
-            (
-                "from pipeline.tasks import TASKS\nfrom pipeline.tasks.contract import"
-                " register\n\n@register\nclass Own(type(TASKS['click_bell'])):\n    sen = ('Press"
-                " {bell}.',)"
-            ),
-            (
-                "broken.py:6: task own: has no attribute sen: write seen, or _sen for a name of"
-                " your own"
-            ),
-        ),
         ("raise RuntimeError('no\\nlicence')", "broken.py:1: RuntimeError: no licence"),
         ("import not_there_at_all", "broken.py:1: ModuleNotFoundError"),
         ("raise SystemExit(0)", "broken.py:1: SystemExit"),

@@ -189,11 +189,7 @@ def test_a_mistake_in_a_robot_is_one_line(say, six, tmp_path):
         ("foot = ", "feet = ", "robot.toml: "),
         ("[tcp]", "[tcp", "robot.toml: not readable"),
         ("opening = 0.08", "opening = nan", "robot.toml: gripper.opening: "),
-        (
-            "[place.right]",
-            "[place.top]",
-            "robot.toml: place.top",
-        ),
+        ("[place.right]", "[place.top]", "robot.toml: place.top"),
     ],
 )
 def test_a_broken_robot_toml_is_one_line(say, six, old, new, said):

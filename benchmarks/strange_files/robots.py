@@ -88,21 +88,9 @@ ROBOT_CASES = (
     Probe("mesh outside", shape("../../secret.stl"), "is outside of"),
     Probe("mesh by an absolute path", shape("/etc/hostname"), "is an absolute path"),
     Probe("mesh by URL", shape("https://example.org/a.stl"), "is a URL"),
-    Probe(
-        "percent signs",
-        shape("../meshes/my%20cone.stl", **SPACED),
-        "was not found in",
-    ),
-    Probe(
-        "backslashes",
-        shape("..\\meshes\\cone.stl", **WITH),
-        "was not found in",
-    ),
-    Probe(
-        "wrong case",
-        shape("../Meshes/CONE.STL", **WITH),
-        "was not found in",
-    ),
+    Probe("percent signs", shape("../meshes/my%20cone.stl", **SPACED), "was not found in"),
+    Probe("backslashes", shape("..\\meshes\\cone.stl", **WITH), "was not found in"),
+    Probe("wrong case", shape("../Meshes/CONE.STL", **WITH), "was not found in"),
     Probe(
         "mesh that is a link away",
         robot(PART, part_DOT_stl=link("/etc/hostname")),

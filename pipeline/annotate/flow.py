@@ -8,17 +8,13 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from typing import Literal
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.poses import Floats32, Pixels
-
-from .stage import AnnotateError
-
-NORMALISATIONS = ("per_map", "shared", "fixed")
-
 
 _LOCK = threading.RLock()
 
@@ -57,15 +53,10 @@ class Colour:
     (`shared`), or at `full_scale` px (`fixed`).
     """
 
-    normalisation: str = "per_map"
+    normalisation: Literal["per_map", "shared", "fixed"] = "per_map"
     percentile: float = 99.0
     threshold: float = 1e-6
     full_scale: float = 2.0
-
-    def __post_init__(self) -> None:
-        if self.normalisation not in NORMALISATIONS:
-            known = ", ".join(NORMALISATIONS)
-            raise AnnotateError(f"flow scale {self.normalisation!r} is unknown: choose {known}")
 
 
 def previous_frames(frames: int, stride: int) -> NDArray[np.int32]:

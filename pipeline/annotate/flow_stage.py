@@ -20,15 +20,7 @@ from pipeline.poses import Floats, Floats32, Pixels, inverse, matrix
 
 from .flow import bit_stable, colour_flow, flow_of, previous_frames, shrink_grey
 from .options import FlowOptions
-from .stage import (
-    Reading,
-    Render,
-    SimView,
-    StageResult,
-    encoded_frames,
-    frames_inputs,
-    sim_reading,
-)
+from .stage import Reading, Render, SimView, StageResult, encoded_frames, frames_inputs, sim_reading
 
 UNIT = "px at map resolution, x right, y down, at the pixels of the previous frame"
 

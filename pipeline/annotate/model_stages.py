@@ -14,14 +14,7 @@ from pipeline.data.names import HEAD
 from pipeline.data.slots.annotations import CorruptAnnotation, annotation_path, read_entry
 
 from .networks.features import features_of, load_encoder
-from .networks.masks import (
-    Masks,
-    exact_masks,
-    load_detector,
-    load_segmenter,
-    model_masks,
-    pack,
-)
+from .networks.masks import Masks, exact_masks, load_detector, load_segmenter, model_masks, pack
 from .networks.models import ModelFiles, pick_device, resolve
 from .options import FeatureOptions, MaskOptions
 from .stage import (

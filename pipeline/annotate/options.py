@@ -11,11 +11,6 @@ from .flow import Colour, Farneback
 from .stage import AnnotateError
 
 
-def _choice(name: str, value: str, choices: tuple[str, ...]) -> None:
-    if value not in choices:
-        raise AnnotateError(f"{name} {value!r} is unknown: choose {', '.join(choices)}")
-
-
 @dataclass(frozen=True)
 class FlowOptions:
     """The flow comes from `source` farneback or sim (exact), at `size` (width, height) in px."""
@@ -27,7 +22,6 @@ class FlowOptions:
     colour: Colour = field(default_factory=Colour)
 
     def __post_init__(self) -> None:
-        _choice("flow source", self.source, ("farneback", "sim"))
         if not FEWEST_PIXELS <= min(self.size) <= max(self.size) <= MOST_PIXELS:
             size, limits = "x".join(map(str, self.size)), f"{FEWEST_PIXELS} to {MOST_PIXELS}"
             raise AnnotateError(f"flow size {size} is out of range: each side has {limits} pixels")
@@ -49,10 +43,6 @@ class MaskOptions:
     detector: str = "grounding-dino-tiny"
     segmenter: str = "sam2.1-hiera-large"
     batch: int = 8
-
-    def __post_init__(self) -> None:
-        _choice("mask source", self.source, ("model", "sim"))
-        _choice("prompt", self.prompt, ("metadata", "description", "instruction"))
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,7 @@
 """annotate: flow, masks and features."""
 
 import re
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
@@ -22,13 +22,19 @@ def annotate(
         str | None, option('Which episodes, e.g. "level=3 and task=click_bell".')
     ] = None,
     cameras: Annotated[str, option("Cameras, comma separated.")] = HEAD,
-    flow_source: Annotated[str, option("farneback (images) or sim (exact).")] = "farneback",
+    flow_source: Annotated[
+        Literal["farneback", "sim"], option("From the images, or exact from the simulator.")
+    ] = "farneback",
     flow_stride: Annotated[
         int, number(1, MOST_STRIDE, "Frames between the two images of a pair.")
     ] = 4,
     flow_size: Annotated[str, option("Width x height of the flow map.")] = "64x64",
-    mask_source: Annotated[str, option("model (GroundingDINO + SAM 2) or sim (exact).")] = "model",
-    prompt: Annotated[str, option("metadata, description or instruction.")] = "metadata",
+    mask_source: Annotated[
+        Literal["model", "sim"], option("GroundingDINO + SAM 2, or exact from the simulator.")
+    ] = "model",
+    prompt: Annotated[
+        Literal["metadata", "description", "instruction"], option("Where its words come from.")
+    ] = "metadata",
     detector: Annotated[
         str, option("GroundingDINO: hub id, local directory or short name.")
     ] = "grounding-dino-tiny",
@@ -43,7 +49,7 @@ def annotate(
     ] = 64,
     dense: Annotated[bool, option("world: also depth, normals and flow of every pixel.")] = True,
     device: Annotated[str, option("cpu, cuda or auto.")] = "auto",
-    executor: Annotated[str, option("inline, ray or auto.")] = "inline",
+    executor: common.Executor = "inline",
     workers: Annotated[int, number(1, common.MOST_WORKERS, "Worker processes.")] = 1,
     address: common.Address = None,
     gpus_per_worker: common.Gpus = None,

@@ -6,11 +6,11 @@ import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import typer
 
-from pipeline.crew.contract import EXECUTORS, Crew, pick_executor
+from pipeline.crew.contract import Crew, pick_executor
 from pipeline.crew.signals import Stopped, stop_on_signal
 from pipeline.data.errors import DominoError
 from pipeline.data.parsing import ParseError, read_mapping, show_value
@@ -46,7 +46,8 @@ Root = Annotated[
     Path, argument("The dataset, a directory or URL (docs/storage.md).", metavar="DATASET")
 ]
 Executor = Annotated[
-    str, option("inline, ray or auto (inline for one worker, or a build of two episodes).")
+    Literal["auto", "inline", "ray"],
+    option("auto is inline for one worker, or a build of two episodes."),
 ]
 Workers = Annotated[
     int | None, number(1, MOST_WORKERS, "Worker processes.", show_default="all cores")
@@ -162,8 +163,6 @@ def crew_of(
     jobs: int | None = None,
 ) -> Crew:
     """The workers that the options select for a number of jobs; an address selects Ray."""
-    if executor not in EXECUTORS:
-        raise UsageError(f"--executor {executor!r} is unknown: choose {', '.join(EXECUTORS)}")
     if address is not None and executor == "inline":
         raise UsageError("--executor inline does not use the cluster of --address: leave one out")
     name, count = pick_executor("ray" if address else executor, workers, jobs)

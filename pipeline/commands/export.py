@@ -174,14 +174,11 @@ def publish(
     as_json: AsJson = False,
 ) -> None:
     """Publish an export on the Hugging Face hub; rerun the same command to resume."""
-    from pipeline.export import EXPORTERS
     from pipeline.export.publish import prepare
     from pipeline.export.publish import publish as send
     from pipeline.run.export import differences
 
     source = Dataset(dataset)
-    if format_ not in EXPORTERS:
-        raise UsageError(f"--format {format_!r} is unknown: choose {', '.join(EXPORTERS)}")
     place = source.exports(format_)
     if not place.is_dir():
         raise UsageError(

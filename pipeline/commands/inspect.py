@@ -121,8 +121,7 @@ def verify(
 
 
 def doctor(
-    out: Annotated[Path, option("Directory for datasets.")] = Path(),
-    as_json: AsJson = False,
+    out: Annotated[Path, option("Directory for datasets.")] = Path(), as_json: AsJson = False
 ) -> None:
     """Check whether this machine can build; exit code 1 if it cannot."""
     from pipeline.run.checks.doctor import diagnose

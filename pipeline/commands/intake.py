@@ -102,8 +102,7 @@ def objects_add(
 
     called = tuple(split_list(words) or ())
     added = add_objects(
-        source,
-        ObjectOptions(name, family, to, mass, density, up, scale, called, licence, within),
+        source, ObjectOptions(name, family, to, mass, density, up, scale, called, licence, within)
     )
     print("\n".join(line for one in added for line in describe(one)))
     names = [one.directory.name for one in added]

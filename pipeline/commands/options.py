@@ -18,12 +18,7 @@ from pipeline.data.recipe.model import KEYS, Recipe
 from pipeline.data.setup import SETUP_FILE, Setup, option_of
 from pipeline.gym_ids import shipped_tasks
 
-from .common import (
-    UsageError,
-    names_nothing,
-    option,
-    split_list,
-)
+from .common import UsageError, names_nothing, option, split_list
 
 NO_OPTION = ("name", "keep_failures")  # keys that only a file gives
 SETUP = tuple(key for key in Setup.model_fields if key not in NO_OPTION)

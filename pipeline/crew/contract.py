@@ -9,8 +9,6 @@ from typing import Any, Literal
 from pipeline.data.errors import DominoError
 from pipeline.data.process.machine import usable_cores
 
-EXECUTORS = ("auto", "inline", "ray")
-
 SINGLE_THREAD = dict.fromkeys(
     (
         *("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"),
@@ -59,11 +57,6 @@ class Crew:
             )
         if self.runtime_env and self.address is None:
             raise CrewError("a runtime environment is for a cluster: name it with --address")
-        if self.executor not in EXECUTORS[1:] or self.workers < 1:
-            raise CrewError(
-                f"executor {self.executor!r} with {self.workers} workers: use inline or ray and at"
-                " least 1 worker"
-            )
 
 
 @dataclass(frozen=True)

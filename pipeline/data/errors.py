@@ -16,7 +16,6 @@ DAMAGE = (
 """What a damaged file may make h5py, numpy and our readers raise."""
 
 _KEPT = "finished work is kept; rerun the same command to resume"
-_MOUNT = "the mount is gone or broken: mount it again"
 FIXES = {
     errno.ENOSPC: "free some space",
     errno.EDQUOT: "free some space or raise the quota",
@@ -24,8 +23,9 @@ FIXES = {
     errno.EPERM: "give this user the permission",
     errno.EROFS: "make it writable",
     errno.EFBIG: "raise the limit of file sizes (ulimit -f)",
-    **dict.fromkeys((errno.EIO, errno.ENODEV, errno.ENOTCONN, errno.ENXIO), _MOUNT),
-    **dict.fromkeys((errno.ESTALE, errno.EHOSTDOWN, errno.EREMOTEIO), _MOUNT),
+    **dict.fromkeys(
+        (errno.EIO, errno.ESTALE, errno.ENOTCONN), "the mount is gone or broken: mount it again"
+    ),
 }
 
 

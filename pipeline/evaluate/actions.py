@@ -85,11 +85,7 @@ class ToolPoses:
         self._budget = budget
 
     def joints(
-        self,
-        action: Floats,
-        command: Floats,
-        tools: Floats | None = None,
-        tip: Pose | None = None,
+        self, action: Floats, command: Floats, tools: Floats | None = None, tip: Pose | None = None
     ) -> tuple[Floats, tuple[str, ...]]:
         """The joint action (A,) nearest to the command (A,), and the sides out of reach. With
         `tools` (S,7) poses are relative to these; they are of what carries its tool at `tip` (7,).

@@ -11,12 +11,7 @@ from typing import Any
 from tqdm import tqdm
 
 from pipeline.annotate.options import AnnotateOptions
-from pipeline.annotate.selection import (
-    DEFAULT_STAGES,
-    Absent,
-    build_stages,
-    select_episodes,
-)
+from pipeline.annotate.selection import DEFAULT_STAGES, Absent, build_stages, select_episodes
 from pipeline.annotate.stage import Redraw, Stage, directory_of
 from pipeline.annotate.store import write_stage
 from pipeline.annotate.work import StageOutcome, StageWorker
@@ -75,11 +70,7 @@ def annotate(
             work = outcomes(stage, dataset, chosen, crew, device, dry_run)
             with closing(work) as found:
                 bar = tqdm(
-                    found,
-                    total=len(chosen),
-                    desc=directory,
-                    unit="episode",
-                    disable=not progress,
+                    found, total=len(chosen), desc=directory, unit="episode", disable=not progress
                 )
                 done = sorted(bar, key=lambda o: o.episode)
             if dry_run and stage.name == "features" and "masks" in stages:
@@ -87,12 +78,7 @@ def annotate(
                 done = [replace(o, **ready) if o.action == "waiting" else o for o in done]
             seconds = time.perf_counter() - start
             reports.append(_summary(stage, directory, done, seconds, dry_run))
-    return {
-        "dataset": str(dataset),
-        "episodes": len(chosen),
-        "dry_run": dry_run,
-        "stages": reports,
-    }
+    return {"dataset": str(dataset), "episodes": len(chosen), "dry_run": dry_run, "stages": reports}
 
 
 def outcomes(

@@ -29,6 +29,7 @@ from pipeline.tasks.layout import (
     families_of,
     goals_of,
 )
+from pipeline.world.cameras import check_links
 from pipeline.world.objects.contract import FAMILIES, stands_for
 from pipeline.world.robots import MODELS as ROBOTS
 from pipeline.world.robots import UnknownEmbodiment, get_embodiment
@@ -68,7 +69,7 @@ def resolve(
                 " tasks out, or use two arms"
             )
     check_size(recipe, source)
-    _check_links(recipe, source)
+    _check_links(recipe)
     recipe = with_originals(recipe)
     objects = _check_objects(recipe, where("objects"))
     _check_reactive(recipe, where)
@@ -292,22 +293,11 @@ def _instances(name: str, family: str, where: str) -> list[str]:
     return known
 
 
-def _check_links(recipe: Recipe, source: str) -> None:
-    """Raise RecipeError for a camera on an unknown link."""
-    links = [
-        [
-            f"{side}_{link.name}"
-            for side, arm in get_embodiment(e).arms.items()
-            for link in arm.links
-        ]
-        for e in recipe.embodiments
-    ]
-    for camera in recipe.cameras:
-        if not isinstance(camera, NamedCamera) or camera.link in (None, "table"):
-            continue
-        lacking = [names for names in links if camera.link not in names]
-        if lacking and not all(camera.link in bodies_of(TASKS[task]) for task in recipe.tasks):
-            raise RecipeError(
-                f"{source}: cameras: {camera.name} is on {show_value(camera.link)}; a robot's links"
-                f" are {', '.join(lacking[0])}"
-            )
+def _check_links(recipe: Recipe) -> None:
+    """Raise CameraError for a camera on a link that a robot or task lacks."""
+    named = [c.camera(c.name) for c in recipe.cameras if isinstance(c, NamedCamera)]
+    for name in recipe.embodiments if named else ():
+        arms = get_embodiment(name).arms.items()
+        links = [f"{side}_{link.name}" for side, arm in arms for link in arm.links]
+        for task in recipe.tasks:
+            check_links(named, [*bodies_of(TASKS[task]), *links, "table"])

@@ -5,7 +5,6 @@ import sys
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from difflib import get_close_matches
 from types import MappingProxyType
 from typing import Any, ClassVar, Final
 
@@ -13,7 +12,6 @@ import numpy as np
 
 from pipeline.data.episode.meta import Category
 from pipeline.data.errors import DominoError
-from pipeline.data.process.own_code import OwnCodeError, is_outside, line_of_class
 from pipeline.data.setup.rules import STRICT, Rules
 from pipeline.expert.actor import Actor, Skills
 from pipeline.motion.workspace import Workspace
@@ -230,12 +228,10 @@ def expand_tasks(names: Iterable[str]) -> tuple[str, ...]:
 def register[T: Task](cls: type[T]) -> type[T]:
     """Class decorator: enter a task under its name in snake case, with its templates.
 
-    Raises OwnCodeError for a misspelt attribute, ValueError for a bad name or templates, TypeError.
+    Raises ValueError for a bad name or templates, TypeError.
     """
     name = "".join(f"_{c.lower()}" if c.isupper() else c for c in cls.__name__).lstrip("_")
     place_in(sys._getframemodulename(1), cls)
-    if is_outside(cls):
-        _check_names(cls, name)
     cls.name = name
     cls.manipulated = cls.manipulated or cls.target
     if not hasattr(cls, "category"):
@@ -252,15 +248,6 @@ def register[T: Task](cls: type[T]) -> type[T]:
             raise ValueError(f"task {name!r} has {count} {split} templates: write at least {least}")
     TASKS.add(name, cls())
     return cls
-
-
-def _check_names(cls: type[Task], task: str) -> None:
-    own = {name for each in cls.__mro__ if is_outside(each) for name in vars(each)}
-    known = {*dir(Task), *Task.__annotations__}
-    for name in sorted(name for name in own - known if not name.startswith("_")):
-        if close := get_close_matches(name, known - own, 1, 0.8):
-            fix = f"has no attribute {name}: write {close[0]}, or _{name} for a name of your own"
-            raise OwnCodeError(f"{line_of_class(cls, name)}: task {task}: {fix}")
 
 
 def side_of(body: Body) -> str:

@@ -24,7 +24,6 @@ from pipeline.annotate.flow import (
     previous_frames,
     shrink_grey,
 )
-from pipeline.annotate.stage import AnnotateError
 
 
 def texture(
@@ -134,11 +133,6 @@ def test_threshold_blackens_noise_maps_only():
     assert rgb[1].max() == 255
     magnitude = np.hypot(*np.moveaxis(flow[1], -1, 0))
     assert scale[1] == pytest.approx(np.percentile(magnitude, 99), rel=1e-6)
-
-
-def test_bad_colours_are_refused():
-    with pytest.raises(AnnotateError, match=r"per_frame.*per_map, shared, fixed"):
-        Colour(normalisation="per_frame")
 
 
 HASHES = """

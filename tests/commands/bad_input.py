@@ -297,11 +297,7 @@ CASES = [
         ("data", "'B'"),
         ("data bad-manifest", "bad-manifest"),
     ),
-    *cases(
-        "verify",
-        ("data --episode 7", "has no such slot"),
-        ("missing --episode x", "missing"),
-    ),
+    *cases("verify", ("data --episode 7", "has no such slot"), ("missing --episode x", "missing")),
     *cases(
         "merge",
         ("data", "--out"),
@@ -381,9 +377,7 @@ CASES = [
     *cases("objects", ("--gallery foreign/thesis.txt", "page"), ("--families ,", "--families")),
     *cases("objects fetch", ("nope", "'source': 'nope' is not one of")),
     *cases(
-        "build --tasks click_bell",
-        ("--out memory://", "memory:"),
-        ("--out sftp://a/b", "sftp"),
+        "build --tasks click_bell", ("--out memory://", "memory:"), ("--out sftp://a/b", "sftp")
     ),
     *cases(
         "export data --format aloha",
@@ -393,11 +387,7 @@ CASES = [
         ("--weights 0,1", "must be above 0"),
         ("--size 15x15", "--size"),
     ),
-    *cases(
-        "export data --format lerobot",
-        (f"--crf {10**30}", "--crf"),
-        ("--preset=", "--preset"),
-    ),
+    *cases("export data --format lerobot", (f"--crf {10**30}", "--crf"), ("--preset=", "--preset")),
     Case(
         ("export", "data", "--format", "parquet", "--camera-names", "head=a\nb"), "--camera-names"
     ),
@@ -418,10 +408,7 @@ CASES = [
     ),
     Case(("evaluate", "--out", "OUT", "--policy", f"lerobot:missing?n={'[' * 5000}"), "--policy"),
     Case(("evaluate", "--out", "OUT", "--policy", "openpi://127.0.0.1:9"), "no images"),
-    *cases(
-        "ladder --out OUT",
-        ("--rungs ,", "--rungs"),
-    ),
+    *cases("ladder --out OUT", ("--rungs ,", "--rungs")),
     *(
         Case((*words.split(), f"odd/{name}"), name)
         for name in ODD

@@ -29,11 +29,7 @@ def test_options_become_keys_of_the_recipe():
     assert {
         key: parse_value(key, text)
         for key, text in (("levels", "1,3"), ("alpha", "0.1"), ("clutter", "0,4"))
-    } == {
-        "levels": [1, 3],
-        "alpha": [0.1],
-        "clutter": [0, 4],
-    }
+    } == {"levels": [1, 3], "alpha": [0.1], "clutter": [0, 4]}
     assert (
         parse_value("size", "640x480"),
         parse_value("tasks", "a, b"),

@@ -217,11 +217,7 @@ def test_attempts_are_gathered_in_the_order_of_the_recipe(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
-    [
-        ("[" * 20_000 + "]" * 20_000, "deeply"),
-        ("{", "property name"),
-    ],
+    ("text", "said"), [("[" * 20_000 + "]" * 20_000, "deeply"), ("{", "property name")]
 )
 def test_json_that_is_refused(text, said):
     with pytest.raises(ValueError, match=said):

@@ -31,13 +31,7 @@ def test_no_sample_of_an_episode_exceeds_a_limit_of_motion_or_force(
     task: str, robot: str, expert: str
 ) -> None:
     recipe = Recipe.model_validate(
-        {
-            "tasks": [task],
-            "embodiments": [robot],
-            "levels": [1],
-            "episodes": 1,
-            "expert": expert,
-        }
+        {"tasks": [task], "embodiments": [robot], "levels": [1], "episodes": 1, "expert": expert}
     )
     worst = fill((recipe, next(iter(recipe.slots()))))
     assert worst is not None

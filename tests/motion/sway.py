@@ -11,14 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.integrate import quad
 
-from pipeline.motion.contract import (
-    Array,
-    Features,
-    Level,
-    MotionRequest,
-    NoMotion,
-    Streams,
-)
+from pipeline.motion.contract import Array, Features, Level, MotionRequest, NoMotion, Streams
 from pipeline.poses import compose, yawed
 
 RATE = 2 * np.pi / 1.5  # rad/s

@@ -13,7 +13,6 @@ from scipy.integrate import solve_ivp
 from pipeline.motion.closed_form import MotionError, first_that_fits
 from pipeline.motion.contract import MotionRequest, NoMotion, Streams, keeps_alpha, twist_fault
 from pipeline.motion.models import MODELS, motion_from_json
-from pipeline.motion.models.ballistic import Ballistic, BallisticModel
 from pipeline.motion.workspace import Workspace
 from pipeline.motion.wrapped import Rider
 from pipeline.poses import compose, inverse, quat_multiply, quat_rotate, yawed
@@ -249,12 +248,6 @@ def test_what_was_pushed_is_slowed_by_friction_and_struck_by_cushions(level, see
         # what the surface gains in spin, the disc loses in speed: I = m r^2 / 2
         rubbed = (before - after)[:2] @ along
         assert motion.radius * (after - before)[5] / 2 == pytest.approx(rubbed, abs=1e-6)
-
-
-def test_a_motion_without_a_formula_is_refused_before_any_is_drawn():
-    unborne = type("Unborne", (Ballistic,), {"kind": "unborne"})
-    with pytest.raises(MotionError, match="motion 'unborne': has no carried: write it in Unborne"):
-        BallisticModel(unborne)
 
 
 @given(level=st.integers(1, 3), seed=st.integers(0, 10**6))

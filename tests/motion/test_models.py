@@ -7,13 +7,7 @@ import numpy as np
 import pytest
 
 from pipeline.motion.contract import Level, MotionRequest, Streams, keeps_alpha, twist_fault
-from pipeline.motion.models import (
-    MODELS,
-    level_name,
-    level_of,
-    motion_from_json,
-    register,
-)
+from pipeline.motion.models import MODELS, level_name, level_of, motion_from_json, register
 from pipeline.motion.models.planar import Planar
 from pipeline.motion.workspace import Workspace
 from pipeline.poses import yawed

@@ -213,7 +213,7 @@ def test_a_card_says_what_its_experts_know_and_which_frames_are_a_policys(
             [path],
             EXPORTERS["parquet"].options(),
             describe=describe(tmp_path, [path]),
-        ),
+        )
     )
     text = (out / "README.md").read_text()
     assert ("know the target's motion in advance" in text) == (meta == {})

@@ -245,11 +245,7 @@ def test_sim_flow_of_stored_truth_and_by_rendering_agree(tmp_path: Path):
     assert rendered == ["head_camera"]
     assert counts(
         annotate(tmp_path / "plain", ["flow"], options=options, redraw=Redraw(render))
-    ) == (
-        0,
-        1,
-        0,
-    )
+    ) == (0, 1, 0)
     assert rendered == ["head_camera"]
 
 

@@ -21,13 +21,7 @@ from pipeline.stages.attempt import attempt
 from pipeline.stages.failure import Failure
 from tests.full_disk import longest_file
 from tests.recording import record_all
-from tests.run.command import (
-    WANTED,
-    contents,
-    inside,
-    slots,
-    temporaries,
-)
+from tests.run.command import WANTED, contents, inside, slots, temporaries
 
 pytestmark = pytest.mark.usefixtures("without_report")
 

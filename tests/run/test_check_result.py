@@ -210,13 +210,7 @@ def commanding(change):
 
 
 @pytest.mark.parametrize(
-    "change",
-    [
-        lambda c: c * np.nan,
-        lambda c: c + np.inf,
-        lambda c: c[:, :4],
-        lambda c: c[:, :0],
-    ],
+    "change", [lambda c: c * np.nan, lambda c: c + np.inf, lambda c: c[:, :4], lambda c: c[:, :0]]
 )
 def test_commands_that_no_robot_takes_are_faults(bundle, change):
     commanding(change)(bundle)

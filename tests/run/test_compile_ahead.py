@@ -13,10 +13,7 @@ from tests.run.command import ROOT, inside
 
 KERNELS = {
     f"{module.__name__}.{name}": kernel
-    for module in (
-        *(edges, masks, surfaces),
-        *(casters, changes, on_bodies, on_planes, raster),
-    )
+    for module in (*(edges, masks, surfaces), *(casters, changes, on_bodies, on_planes, raster))
     for name, kernel in vars(module).items()
     if hasattr(kernel, "signatures")
 }
@@ -52,9 +49,7 @@ def test_a_process_compiles_only_what_the_cache_lacks_and_ends_with_the_build(mo
     popen = subprocess.Popen
     monkeypatch.setattr(compile_ahead, "usable_cores", lambda: 2)
     monkeypatch.setattr(
-        compile_ahead,
-        "Popen",
-        lambda *a, **k: started.append(popen(*a, **k)) or started[-1],
+        compile_ahead, "Popen", lambda *a, **k: started.append(popen(*a, **k)) or started[-1]
     )
     compile_ahead.compile_drawing()
     assert is_compiled()

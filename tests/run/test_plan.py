@@ -11,15 +11,7 @@ from pipeline.data.atomic import write_atomic
 from pipeline.data.dataset import Dataset, DatasetError
 from pipeline.data.recipe.model import parse_recipe
 from pipeline.data.slots.records import FileFacts, SlotRecord
-from pipeline.run.plan import (
-    BOUNDS,
-    EpisodeCost,
-    Unbounded,
-    check_bounded,
-    cost_of,
-    plan,
-    typical,
-)
+from pipeline.run.plan import BOUNDS, EpisodeCost, Unbounded, check_bounded, cost_of, plan, typical
 from tests.data.test_dataset import KEYS, attempt_row
 from tests.recording import record_all
 from tests.synthetic import make_episode
@@ -34,13 +26,7 @@ def test_hours_are_seconds_of_all_attempts_spread_over_workers(tmp_path):
     write_atomic(dataset.episode(slot), bytes(5000))
     rows = (attempt_row(0, "failed") | {"seconds": 2.0}, attempt_row(1) | {"seconds": 7.0})
     record_all(
-        dataset,
-        [
-            (
-                slot,
-                SlotRecord(KEYS, True, "0" * 64, rows, 1.0, file=FileFacts(size=5000)),
-            )
-        ],
+        dataset, [(slot, SlotRecord(KEYS, True, "0" * 64, rows, 1.0, file=FileFacts(size=5000)))]
     )
     assert cost_of(dataset, RECIPE) == EpisodeCost(9.0, 5000.0, "this dataset")
     values = plan(RECIPE, dataset, workers=2)

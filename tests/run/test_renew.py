@@ -35,12 +35,7 @@ def tree(tmp_path, monkeypatch):
 
 def forget_sources():
     """Make this process read all sources again, as a new one would."""
-    for cached in (
-        code.cell_code,
-        code.drawing_code,
-        core.hash_files,
-        core.hash_file,
-    ):
+    for cached in (code.cell_code, code.drawing_code, core.hash_files, core.hash_file):
         cached.cache_clear()
 
 

@@ -63,12 +63,7 @@ def test_a_target_is_met_at_three_times_alpha_at_most(monkeypatch, prepared, lev
     back_calculate(scene, dry, Setup())
     asked, alpha = requests[0], requests[0].alpha
     limits = MotionRequest(
-        level,
-        alpha,
-        6.0,
-        asked.end_pose,
-        asked.workspace,
-        end_speed_limit=asked.end_speed_limit,
+        level, alpha, 6.0, asked.end_pose, asked.workspace, end_speed_limit=asked.end_speed_limit
     )
     paths = DRAW[level](np.random.default_rng(1), 20_000, limits)
     reasons = judge_shapes(paths, limits)

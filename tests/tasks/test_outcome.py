@@ -223,11 +223,7 @@ def test_resting_on_something_takes_touch_rest_and_no_hand():
     assert failed(outcome(moving, contacts=touch).resting("can", "plate")) == ("at_rest",)
     assert failed(
         outcome(moving, contacts=[(9, FINGERS[0], "can", ORIGIN)]).resting("can", "plate")
-    ) == (
-        "on_plate",
-        "at_rest",
-        "released",
-    )
+    ) == ("on_plate", "at_rest", "released")
 
 
 @pytest.mark.parametrize(

@@ -131,10 +131,7 @@ def attempts(monkeypatch):
 
     monkeypatch.setattr("pipeline.stages.attempt.dry_run", dry_run_once)
     monkeypatch.setattr("pipeline.intake.check_task.attempt", noting_attempt)
-    for part, found in (
-        ("_determinism", (Finding("determinism", True, ""),)),
-        ("_layouts", ()),
-    ):
+    for part, found in (("_determinism", (Finding("determinism", True, ""),)), ("_layouts", ())):
         monkeypatch.setattr(f"pipeline.intake.check_task.{part}", lambda *_, found=found: found)
     return noted
 
@@ -238,10 +235,9 @@ def test_the_task_describes_itself(name):
     ) or task.category == TRACKING
     assert 0 < task.step_limit <= 2000
     check_templates(task.seen, task.unseen, list(scene.bodies), list(scene.arms))
-    assert (task.least_seen, task.least_unseen) == (
-        Task.least_seen,
-        Task.least_unseen,
-    ), "the contract says how many"
+    assert (task.least_seen, task.least_unseen) == (Task.least_seen, Task.least_unseen), (
+        "the contract says how many"
+    )
     assert any(t.startswith("~") for t in task.seen)
     for templates, least in ((task.seen, task.least_seen), (task.unseen, task.least_unseen)):
         assert len(templates) >= least

@@ -81,11 +81,7 @@ def detector_size(height: int, width: int, short: int, long: int) -> tuple[int, 
 
 
 def detect(
-    detector: Detector,
-    frames: Pixels,
-    caption: str,
-    box_threshold: float,
-    text_threshold: float,
+    detector: Detector, frames: Pixels, caption: str, box_threshold: float, text_threshold: float
 ) -> tuple[Floats32, Floats32, list[str]]:
     """Best box (N,4) px x0 y0 x1 y1, its score (N,), 0 if none passes, and its words, for frames
     (N,H,W,3).

@@ -20,11 +20,13 @@ class EpisodeError(DominoError):
 
 def encode_frames(rgb: Pixels) -> NDArray[np.bytes_]:
     """Frames (T,H,W,3) RGB as JPEG bytes (T,), padded with zeros to one length."""
-    quality = [cv2.IMWRITE_JPEG_QUALITY, QUALITY]
-    coded = [
-        cv2.imencode(".jpg", cv2.cvtColor(frame, cv2.COLOR_RGB2BGR), quality)[1].tobytes()
-        for frame in rgb
-    ]
+    quality, coded = [cv2.IMWRITE_JPEG_QUALITY, QUALITY], list[bytes]()
+    for k, frame in enumerate(rgb):
+        if k and np.array_equal(frame, rgb[k - 1]):  # as of a hand that stands still
+            coded.append(coded[-1])
+            continue
+        bgr = cv2.cvtColor(frame, cv2.COLOR_RGB2BGR)
+        coded.append(cv2.imencode(".jpg", bgr, quality)[1].tobytes())
     return np.array(coded, dtype=f"S{max(map(len, coded))}")
 
 

@@ -103,18 +103,18 @@ HASHES = "hashes"  # the attribute of a file that holds them, as JSON
 HEADER = "header"  # name of the hash of all attributes
 
 
-def content_hashes(file: h5py.File, read: Callable[[str], Any]) -> dict[str, str]:
+def content_hashes(file: h5py.File, read: Callable[[h5py.Dataset], Any]) -> dict[str, str]:
     """sha256 (32 hex digits) of every dataset by name, and of all attributes under HEADER."""
-    names, attributes = list[str](), {"": _plain(file.attrs)}
+    datasets, attributes = dict[str, h5py.Dataset](), {"": _plain(file.attrs)}
 
     def visit(name: str, found: Any) -> None:
         if isinstance(found, h5py.Dataset):
-            names.append(name)
+            datasets[name] = found
         elif len(found.attrs):
             attributes[name] = _plain(found.attrs)
 
     file.visititems(visit)
-    return {name: _hash(read(name)) for name in names} | {HEADER: digest(attributes)}
+    return {name: _hash(read(d)) for name, d in datasets.items()} | {HEADER: digest(attributes)}
 
 
 def differing(a: Mapping[str, str], b: Mapping[str, str]) -> list[str]:

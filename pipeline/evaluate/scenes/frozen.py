@@ -4,9 +4,10 @@ from dataclasses import asdict, fields
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from pipeline.data.episode.visuals import Visuals
+from pipeline.data.parsing import Strict
 from pipeline.data.setup import Setup
 from pipeline.data.setup.rules import Rules
 from pipeline.data.spec import EpisodeSpec
@@ -27,10 +28,8 @@ _Number = Annotated[float, Field(ge=-10, le=10)]
 _Sentence = Annotated[str, Field(min_length=1, max_length=1000)]
 
 
-class StrictModel(BaseModel):
+class StrictModel(Strict, strict=True):
     """Data of strangers, strictly read."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
 
 
 class FrozenBody(StrictModel):

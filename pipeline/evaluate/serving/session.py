@@ -10,11 +10,11 @@ from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import Field, ValidationError
 
 from pipeline.data.clock import DEFAULT_FPS
 from pipeline.data.errors import DominoError
-from pipeline.data.parsing import first_fault
+from pipeline.data.parsing import Strict, first_fault
 from pipeline.data.setup import INTERFACE, RecipeError, Setup
 from pipeline.evaluate.actions import ActionError
 from pipeline.evaluate.lines import line_of, line_of_text
@@ -40,9 +40,7 @@ AT_HOME, LEFT_HOME = 0.03, 0.1
 """rad or m; a robot this near to home whose last answer kept LEFT_HOME away was put there."""
 
 
-class _Message(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
+class _Message(Strict):
     @classmethod
     def read(cls, value: object) -> Self:
         try:

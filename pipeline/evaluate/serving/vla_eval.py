@@ -104,10 +104,7 @@ class DominoEpisodes:
 
     def get_metadata(self) -> Message:
         longest = max(TASKS[task].step_limit for task in self._tasks)
-        return {
-            "max_steps": at_rate(longest, self._setup.fps),
-            "action_names": list(self._names),
-        }
+        return {"max_steps": at_rate(longest, self._setup.fps), "action_names": list(self._names)}
 
     def get_hold_action(self, last_action: Message | None) -> Message:
         if last_action is not None:

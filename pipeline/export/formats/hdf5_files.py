@@ -14,11 +14,7 @@ from pipeline.data.episode.file import EpisodeFile
 from pipeline.data.episode.hdf5 import new_hdf5
 from pipeline.export.exporter import Exporter, Job
 from pipeline.export.shared.draft import ExportDraft
-from pipeline.export.shared.episodes import (
-    Facts,
-    by_embodiment,
-    exported_cameras,
-)
+from pipeline.export.shared.episodes import Facts, by_embodiment, exported_cameras
 from pipeline.export.shared.tables import PROVENANCE, Provenance
 
 type Storage = Callable[[str, NDArray[Any]], dict[str, Any] | None]

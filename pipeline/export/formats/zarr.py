@@ -16,12 +16,7 @@ from pipeline.data.names import HEAD
 from pipeline.export.exporter import Exporter, Job, register
 from pipeline.export.options import ImageOptions, camera_names_option, one_of, option, whole
 from pipeline.export.shared.draft import ExportDraft
-from pipeline.export.shared.episodes import (
-    ExportError,
-    Facts,
-    by_embodiment,
-    exported_cameras,
-)
+from pipeline.export.shared.episodes import ExportError, Facts, by_embodiment, exported_cameras
 from pipeline.export.shared.images import DEPTH, POINTCLOUD, resize
 from pipeline.export.shared.tables import PROVENANCE, Provenance
 

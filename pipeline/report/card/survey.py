@@ -16,12 +16,7 @@ from pipeline.data.recipe.model import Cell
 from pipeline.data.spec import EpisodeSpec
 from pipeline.html import table
 from pipeline.motion.models import motion_from_json
-from pipeline.motion.recorded import (
-    TRACKS,
-    before_meeting,
-    is_hidden,
-    is_unoccluded,
-)
+from pipeline.motion.recorded import TRACKS, before_meeting, is_hidden, is_unoccluded
 from pipeline.poses import Floats, Floats32
 
 

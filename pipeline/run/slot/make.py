@@ -121,11 +121,7 @@ def draw(dataset: Dataset, scene: Scene, log: StateLog, recipe: Recipe) -> Image
 
 
 def images_of(
-    appearance: Appearance,
-    drawing: Drawing,
-    objects: Sequence[str],
-    log: StateLog,
-    recipe: Recipe,
+    appearance: Appearance, drawing: Drawing, objects: Sequence[str], log: StateLog, recipe: Recipe
 ) -> Images:
     """Render a log with the recipe's sensors, encode the frames, and track `objects`."""
     tracks = track_arrays(appearance, log.late(drawing.latency), objects)

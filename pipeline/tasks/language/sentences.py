@@ -7,7 +7,7 @@ adjective; {choice} is a bare word. A template that begins with "~" applies to m
 import re
 import sys
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from importlib.resources import files
 from importlib.resources.abc import Traversable
@@ -17,7 +17,6 @@ from string import Formatter
 
 import numpy as np
 
-from pipeline.data.names import SIDES
 from pipeline.world.objects.contract import Words
 from pipeline.world.objects.words import LanguageError, two_lists
 
@@ -75,19 +74,17 @@ def instructions(
     """Draw `count` instructions for each of the splits "seen" and "unseen".
 
     No combination of template and descriptions repeats before all were used. Raises LanguageError
-    for an unknown slot or side, and if no template of a split is true."""
-    for role, side in wording.arms.items():
-        if side not in SIDES:
-            raise LanguageError(f"arm {role!r} is {side!r}: sides are left and right")
+    for an unknown slot, and if no template of a split is true."""
     drawn = dict[str, list[str]]()
     for split in ("seen", "unseen"):
         words = {name: getattr(each, split) for name, each in wording.objects.items()}
         true = [t for t in getattr(wording, split) if _true(t, wording.arms, wording.moving)]
-        fillings = [_fillings(t, words, wording.arms, wording.choices) for t in true]
+        fillings = [_fillings(t, words, wording) for t in true]
         drawn[split] = _draw(fillings, split, rng, count)
     return drawn
 
 
+@lru_cache(maxsize=4096)
 def slots(template: str) -> tuple[str, ...]:
     """The slots of a template, each once, in order. Raises LanguageError for a malformed one."""
     try:
@@ -129,32 +126,27 @@ def _true(template: str, arms: Mapping[str, str], moving: bool) -> bool:
 
 
 @dataclass(frozen=True)
-class _Filling:
-    template: str
-    fillers: Mapping[str, str]
-    choices: Mapping[str, str]
+class _Template:
+    """A template without choices, the sides of its arms, and descriptions of its `bodies` that may
+    fill it."""
 
-    def text(self) -> str:
-        known = self.choices
-        return sentence(
-            _SLOT.sub(
-                lambda slot: (
-                    known[slot[1]]
-                    if slot[1] in known
-                    else " ".join(filter(None, ("the", slot[2], self.fillers[slot[1]])))
-                ),
-                self.template,
-            )
-        )
+    text: str
+    arms: Mapping[str, str]
+    bodies: Sequence[str]
+    filled: Sequence[Sequence[str]]
+
+    def fill(self, descriptions: Iterable[str]) -> str:
+        fillers = {**self.arms, **dict(zip(self.bodies, descriptions, strict=True))}
+
+        def filler(slot: re.Match[str]) -> str:
+            return " ".join(filter(None, ("the", slot[2], fillers[slot[1]])))
+
+        return sentence(_SLOT.sub(filler, self.text))
 
 
-def _fillings(
-    template: str,
-    words: Mapping[str, Sequence[str]],
-    arms: Mapping[str, str],
-    choices: Mapping[str, str],
-) -> list[_Filling]:
-    """Fillings of a template, without repeated or crowded ones if others exist."""
+def _fillings(template: str, words: Mapping[str, Sequence[str]], wording: Wording) -> _Template:
+    """A template with its fillings, without repeated or crowded ones if others exist."""
+    arms, choices = wording.arms, wording.choices
     template = template.removeprefix(MOVING)
     names = [name for name in slots(template) if name not in choices]
     for name in names:
@@ -172,22 +164,27 @@ def _fillings(
         [d for d in c if n not in marked or not _SIZE.match(d)] or c
         for n, c in zip(bodies, options, strict=True)
     ]
-    filled = list(product(*options))
-    apart = [f for f in filled if not any(nouns(a) & nouns(b) for a, b in combinations(f, 2))]
-    filled = apart or [f for f in filled if len(set(f)) == len(f)] or filled
-    roles = {n: f"{arms[n]} arm" for n in names if n not in words}
-
-    def filling(descriptions: Iterable[str]) -> _Filling:
-        return _Filling(template, roles | dict(zip(bodies, descriptions, strict=True)), choices)
-
-    # crowded or not by which descriptions have a "with"
-    traits = [tuple(" with " in d for d in f) for f in filled]
+    filled, traits = _combined(tuple(map(tuple, options)))
+    text = _SLOT.sub(lambda slot: choices.get(slot[1], slot[0]), template)
+    made = _Template(text, {n: f"{arms[n]} arm" for n in names if n not in words}, bodies, filled)
     heavy = {
-        each: crowded(filling("x with a x" if trait else "x" for trait in each).text())
+        each: crowded(made.fill("x with a x" if trait else "x" for trait in each))
         for each in {*traits}
     }
     light = [f for f, each in zip(filled, traits, strict=True) if not heavy[each]]
-    return [filling(f) for f in light or filled]
+    return replace(made, filled=light or filled)
+
+
+@lru_cache(maxsize=256)
+def _combined(
+    options: tuple[tuple[str, ...], ...],
+) -> tuple[list[tuple[str, ...]], list[tuple[bool, ...]]]:
+    """One of the descriptions of each body, apart in their nouns if they can be; crowded or not by
+    which of them have a "with". Templates of a scene share most of them."""
+    filled = list(product(*options))
+    apart = [f for f in filled if not any(nouns(a) & nouns(b) for a, b in combinations(f, 2))]
+    filled = apart or [f for f in filled if len(set(f)) == len(f)] or filled
+    return filled, [tuple(" with " in d for d in f) for f in filled]
 
 
 def crowded(text: str) -> bool:
@@ -195,21 +192,22 @@ def crowded(text: str) -> bool:
 
 
 def _draw(
-    templates: Sequence[Sequence[_Filling]], split: str, rng: np.random.Generator, count: int
+    templates: Sequence[_Template], split: str, rng: np.random.Generator, count: int
 ) -> list[str]:
     if not templates:
         raise LanguageError(f"no {split} template is true of this scene")
-    first = templates[0][0].text()
-    several = any(filling.text() != first for fillings in templates for filling in fillings)
+    first = templates[0].fill(templates[0].filled[0])
+    several = any(t.fill(f) != first for t in templates for f in t.filled)
     drawn: list[str] = []
-    left: list[list[_Filling]] = []
+    left: list[tuple[_Template, list[int]]] = []
     while True:
         # every filling once, the templates taking turns in a new random order each round
-        left = [fillings for fillings in left if fillings] or [
-            [fillings[int(i)] for i in rng.permutation(len(fillings))] for fillings in templates
+        left = [each for each in left if each[1]] or [
+            (template, rng.permutation(len(template.filled)).tolist()) for template in templates
         ]
         for i in rng.permutation(len(left)):
-            text = left[int(i)].pop().text()
+            template, order = left[int(i)]
+            text = template.fill(template.filled[order.pop()])
             if several and drawn and text == drawn[-1]:
                 continue
             drawn.append(text)

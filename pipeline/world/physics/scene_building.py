@@ -7,11 +7,7 @@ from typing import Any
 import numpy as np
 import sapien
 from numpy.typing import NDArray
-from sapien.physx import (
-    PhysxMaterial,
-    PhysxRigidBaseComponent,
-    PhysxRigidDynamicComponent,
-)
+from sapien.physx import PhysxMaterial, PhysxRigidBaseComponent, PhysxRigidDynamicComponent
 
 from pipeline.data.clock import PHYSICS_HZ
 from pipeline.motion.scenery import Prop

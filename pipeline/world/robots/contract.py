@@ -170,12 +170,11 @@ def _tree(arm: Arm) -> Iterator[str]:
 
 def _drives(arm: Arm) -> Iterator[str]:
     joints, jaws = {j.name: j for j in arm.joints}, arm.gripper
-    for field, names in (("arm_joints", arm.arm_joints), ("gripper.joints", jaws.joints)):
-        for name in names:
-            if name not in joints:
-                yield _missing(field, name, "joints", joints)
-            elif joints[name].kind == "fixed":
-                yield f"{field} names {name!r}, which is fixed: it must be revolute or prismatic"
+    for name in jaws.joints:
+        if name not in joints:
+            yield _missing("gripper.joints", name, "joints", joints)
+        elif joints[name].kind == "fixed":
+            yield f"gripper.joints names {name!r}, which is fixed"
     for name, joint in joints.items():
         if joint.kind == "fixed":
             continue
@@ -200,7 +199,6 @@ def _frames(arm: Arm) -> Iterator[str]:
     links = [link.name for link in arm.links]
     named = {
         "hand": (arm.hand,),
-        "camera.link": (arm.camera.link,),
         "gripper.fingers": arm.gripper.fingers,
         "allowed_overlap": chain(*arm.allowed_overlap),
     }
@@ -209,7 +207,7 @@ def _frames(arm: Arm) -> Iterator[str]:
 
 
 def _numbers(arm: Arm) -> Iterator[str]:
-    for field, pose in (("base", arm.base), ("tcp", arm.tcp), ("camera.pose", arm.camera.pose)):
+    for field, pose in (("base", arm.base), ("tcp", arm.tcp)):
         p = np.asarray(pose, float)
         if p.shape != (7,) or not np.isfinite(p).all() or abs(np.linalg.norm(p[3:]) - 1) > 1e-6:
             yield f"{field} is no pose: give x, y, z and a unit quaternion w, x, y, z"

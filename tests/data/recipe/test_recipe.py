@@ -167,19 +167,10 @@ def test_domains_may_want_different_numbers():
         ({"sight": {"noise": -1}}, "sight: noise must be greater"),
         ({"sight": "100 km"}, "sight is not written as a delay and an error, such as 100ms,5mm"),
         ({"sight": "100ms,5m"}, "sight: noise must be less than or equal to 0.1 (got 5.0)"),
-        (
-            {"sight": "100ms,5mm"},
-            "sight: needs the reactive expert",
-        ),
-        (
-            {"takeover": "error"},
-            "takeover: needs a policy to correct",
-        ),
+        ({"sight": "100ms,5mm"}, "sight: needs the reactive expert"),
+        ({"takeover": "error"}, "takeover: needs a policy to correct"),
         ({"corrections": "psychic"}, "corrections: 'psychic' is unknown"),
-        (
-            {"perturb": "push"},
-            "perturb: needs a policy to correct",
-        ),
+        ({"perturb": "push"}, "perturb: needs a policy to correct"),
         ({"perturb": "kick"}, "perturb must be 'pause' or 'push'"),
         ({"embodiments": ["r2d2"]}, "r2d2"),
         ({"embodiments": ["aloha+piper+ur5"]}, "piper"),

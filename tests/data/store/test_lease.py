@@ -23,12 +23,7 @@ def test_a_second_writer_is_refused_until_the_first_ends(store):
 
 @pytest.mark.parametrize(
     ("left", "refused"),
-    [
-        ("{here} {pid}", True),
-        ("{here} {none}", False),
-        ("elsewhere {none}", True),
-        ("", True),
-    ],
+    [("{here} {pid}", True), ("{here} {none}", False), ("elsewhere {none}", True), ("", True)],
 )
 def test_what_a_killed_writer_left_holds_only_if_it_may_live(store, left, refused):
     # no Linux has a process of the number `none`

@@ -153,9 +153,7 @@ def test_lerobots_relative_actions_are_against_the_state_that_was_asked_at():
     relative = RelativeActionsProcessorStep(True, ["gripper"], list(NAMES))
     absolute = AbsoluteActionsProcessorStep(True, relative)
     after: Any = PolicyProcessorPipeline(
-        [absolute],
-        to_transition=policy_action_to_transition,
-        to_output=transition_to_policy_action,
+        [absolute], to_transition=policy_action_to_transition, to_output=transition_to_policy_action
     )
     before: Any = PolicyProcessorPipeline([relative])
     policy = LerobotPolicy(Still(torch, np.full(14, 0.1)), (before, after), False)

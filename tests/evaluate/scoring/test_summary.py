@@ -96,10 +96,7 @@ def test_rules_are_counted_apart():
     ]
     assert {
         (m["rules"], m["success_rate"]) for m in over_tasks(both) if m["category"] == "all"
-    } == {
-        ("strict", 100.0),
-        ("domino", 0.0),
-    }
+    } == {("strict", 100.0), ("domino", 0.0)}
 
 
 def test_every_task_counts_the_same_in_a_mean():

@@ -112,11 +112,7 @@ def test_a_mismatch_is_a_refusal_with_both_values(contract, both):
         (OFFER | {"setup": {"fps": 7}}, "fps"),
         (3, "the server speaks None"),
         (
-            {
-                "version": 2,
-                "contract": {"normalization": "policy"},
-                "setup": {"\x1b[2J": 1},
-            },
+            {"version": 2, "contract": {"normalization": "policy"}, "setup": {"\x1b[2J": 1}},
             "is not a key of a setup",
         ),
     ],
@@ -154,11 +150,7 @@ CHUNK = np.zeros((2, 7))
         ({"actions": CHUNK[:, :5]}, ActionError, r"shape \(5,\)"),
         ({"actions": [1.0]}, ActionError, "no array actions, but actions"),
         ({"action": 3}, ActionError, "no array actions, but action"),
-        (
-            {"actions": np.zeros(3, [("a", "f4")])},
-            ActionError,
-            "which is no number's",
-        ),
+        ({"actions": np.zeros(3, [("a", "f4")])}, ActionError, "which is no number's"),
         (
             "Traceback:\nValueError: \x1b[2Jboom",
             NoAnswer,

@@ -123,14 +123,8 @@ def test_a_policy_gets_the_names_of_its_actions_and_the_wire_those_of_the_joints
         ("not finite", (RESET, ACT | {"state": np.full(7, np.nan)})),
         ("time is no", (RESET, ACT | {"time": float("nan")})),
         ("those of reset are missing", (RESET, ACT | {"images": {}})),
-        (
-            "not uint8",
-            (RESET, ACT | {"images": {"head_camera": np.zeros((600, 8, 3), np.uint8)}}),
-        ),
-        (
-            "not uint8",
-            (RESET, ACT | {"images": {"head_camera": np.zeros((6, 8, 3), np.uint16)}}),
-        ),
+        ("not uint8", (RESET, ACT | {"images": {"head_camera": np.zeros((600, 8, 3), np.uint8)}})),
+        ("not uint8", (RESET, ACT | {"images": {"head_camera": np.zeros((6, 8, 3), np.uint16)}})),
         ("not uint16", (RESET, ACT | {"depth": {"head_camera": np.zeros((6, 8))}})),
         ("prompt", ({"reset": EPISODE | {"prompt": b"\xff"}},)),
         ("prompt", ({"reset": EPISODE | {"prompt": "p" * 3000}},)),

@@ -79,7 +79,7 @@ def change(**attributes):
                 meta | {key: of(meta[key]) for key, of in attributes.items()}
             )
             file.attrs["hashes"] = canonical(
-                content_hashes(file, lambda name: file[name][()])
+                content_hashes(file, lambda dataset: dataset[()])
             ).decode()
 
     return damage
@@ -94,7 +94,7 @@ def put(name, of):
             del file[name]
             file[name] = values
             file.attrs["hashes"] = canonical(
-                content_hashes(file, lambda name: file[name][()])
+                content_hashes(file, lambda dataset: dataset[()])
             ).decode()
 
     return damage

@@ -97,7 +97,6 @@ def test_two_bodies_do_not_share_a_description_where_they_need_not():
         ({"seen": ("Ring {gong}.",)}, r"Ring \{gong\}.*\{gong\}: there are arm, bell, plate"),
         ({"seen": ("Ring {bell.",)}, "malformed"),
         ({"seen": ("Ring {}.",)}, "not a plain name"),
-        ({"arms": {"arm": "both"}}, "sides are left and right"),
         ({"objects": {"bell": Words("bell", (), ("x",)), "plate": PLATE}}, "no description"),
         ({"unseen": ()}, "no unseen template"),
     ],

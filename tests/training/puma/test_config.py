@@ -35,13 +35,7 @@ def test_the_papers_values():
         train.betas,
         train.epsilon,
         train.weight_decay,
-    ) == (
-        1e-5,
-        1e-4,
-        (0.9, 0.95),
-        1e-8,
-        1e-8,
-    )
+    ) == (1e-5, 1e-4, (0.9, 0.95), 1e-8, 1e-8)
     assert (train.warmup, train.floor_rate, train.steps, train.clip) == (5000, 5e-7, 100_000, 1.0)
 
 
@@ -104,13 +98,7 @@ def test_a_file_stands_on_another_one(tmp_path: Path):
         config.model.state,
         config.train.steps,
         config.execute.actions,
-    ) == (
-        "mine",
-        24,
-        True,
-        7,
-        3,
-    )
+    ) == ("mine", 24, True, 7, 3)
     (tmp_path / "base.yaml").write_text("extends: mine\n")
     with pytest.raises(TrainError, match="extends itself"):
         read_config(str(tmp_path / "mine.yaml"))

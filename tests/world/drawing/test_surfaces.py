@@ -8,14 +8,7 @@ import pytest
 from pipeline.data.cameras import CAMERA_TYPES
 from pipeline.data.episode.visuals import FIRST_LOOK
 from pipeline.world.drawing import room
-from pipeline.world.drawing.surfaces import (
-    channel,
-    embossed,
-    grid,
-    halved,
-    prepared,
-    texture_level,
-)
+from pipeline.world.drawing.surfaces import channel, embossed, grid, halved, prepared, texture_level
 from pipeline.world.looks.visuals import CLEAN
 from pipeline.world.shapes import Material, Mesh
 

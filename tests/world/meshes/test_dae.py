@@ -88,11 +88,7 @@ def test_a_texture_is_read_by_way_of_its_sampler(tmp_path):
         ),
         ('url="#g"', 'url="#gone"', "Geometry #gone not found"),
         ("<node>", "<node><skew>1 2 3</skew>", "Unknown scene node .*skew"),
-        (
-            "<node>",
-            '<node id="n"><instance_node url="#n"/>',
-            "Node #n not found",
-        ),
+        ("<node>", '<node id="n"><instance_node url="#n"/>', "Node #n not found"),
         ("<asset>", '<asset><unit meter="0"/>', "has a unit of 0 metres"),
     ],
 )

@@ -135,10 +135,7 @@ def test_grasps_hold_material_with_room_for_the_fingers(name):
             assert any(
                 _held(lines, g.pose[:3] + ahead * approach, opening, g.width)
                 for ahead in (0, 0.004, 0.008, 0.012)
-            ), (
-                drawn,
-                g,
-            )
+            ), (drawn, g)
 
 
 def _held(lines: Sequence[Line], at: np.ndarray, opening: np.ndarray, width: float) -> bool:

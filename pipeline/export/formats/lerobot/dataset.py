@@ -15,14 +15,7 @@ from pipeline.export.shared.statistics import Stats, image_stats, vector_stats
 from pipeline.export.shared.tables import Provenance
 from pipeline.poses import Ints
 
-from .format import (
-    TEXT_FEATURES,
-    data_columns,
-    described_cameras,
-    features_of,
-    image_key,
-    modality,
-)
+from .format import TEXT_FEATURES, data_columns, described_cameras, features_of, image_key, modality
 from .options import INDEX, LerobotOptions, datasets_of, index_row
 from .videos import Prepared, prepare_all
 

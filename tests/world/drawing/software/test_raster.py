@@ -122,10 +122,7 @@ def test_the_walls_of_a_room_leave_no_seam() -> None:
         for end in (low, high):
             a, b, c = (end.copy() for _ in range(3))
             other = (low + high) - end
-            b[(axis + 1) % 3], c[(axis + 2) % 3] = (
-                other[(axis + 1) % 3],
-                other[(axis + 2) % 3],
-            )
+            b[(axis + 1) % 3], c[(axis + 2) % 3] = (other[(axis + 1) % 3], other[(axis + 2) % 3])
             quads.append([a, b, c] if np.dot(a, np.cross(b, c)) < 0 else [a, c, b])
     frame = blank()
     fill_quads(np.array(quads) @ turn.T, np.ones(6, np.bool_), LENS, frame)

@@ -3,14 +3,7 @@ from itertools import product
 import numpy as np
 
 from pipeline.expert.scripts import let_go
-from pipeline.expert.skills import (
-    grasp,
-    home,
-    lift,
-    place,
-    resting_poses,
-    upright_goal,
-)
+from pipeline.expert.skills import grasp, home, lift, place, resting_poses, upright_goal
 from pipeline.poses import frame, inverse, quat_rotate, transform
 from pipeline.tasks.contract import (
     TABLE_TOP,

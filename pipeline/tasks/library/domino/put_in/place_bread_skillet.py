@@ -4,15 +4,7 @@ import numpy as np
 
 from pipeline.expert.candidates import hand_poses
 from pipeline.expert.scripts import let_go
-from pipeline.expert.skills import (
-    ROUND,
-    carry,
-    first_of,
-    grasp,
-    lift,
-    place,
-    resting_poses,
-)
+from pipeline.expert.skills import ROUND, carry, first_of, grasp, lift, place, resting_poses
 from pipeline.poses import Pose, compose, lifted, yawed
 from pipeline.tasks.contract import (
     TABLE_TOP,

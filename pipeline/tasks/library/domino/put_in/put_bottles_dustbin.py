@@ -3,16 +3,7 @@ from itertools import product
 import numpy as np
 
 from pipeline.expert.scripts import let_go
-from pipeline.expert.skills import (
-    ROUND,
-    carry,
-    grasp,
-    hand_over,
-    home,
-    lift,
-    open_,
-    upright_goal,
-)
+from pipeline.expert.skills import ROUND, carry, grasp, hand_over, home, lift, open_, upright_goal
 from pipeline.poses import compose, inverse, pose, quat_about, transform, yawed
 from pipeline.tasks.contract import (
     TABLE_TOP,

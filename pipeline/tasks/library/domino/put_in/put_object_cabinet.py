@@ -1,16 +1,7 @@
 import numpy as np
 
 from pipeline.expert.scripts import let_go
-from pipeline.expert.skills import (
-    grasp,
-    home,
-    lift,
-    open_,
-    place,
-    resting_poses,
-    shift,
-    together,
-)
+from pipeline.expert.skills import grasp, home, lift, open_, place, resting_poses, shift, together
 from pipeline.poses import compose, inverse, lifted, pose, transform
 from pipeline.tasks.contract import (
     Actor,
