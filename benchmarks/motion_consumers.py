@@ -20,8 +20,8 @@ from pipeline.data.dataset import Dataset
 from pipeline.tasks import TASKS
 from pipeline.tasks.contract import expand_tasks
 from training.puma.config import MixtureSource
+from training.puma.corpus.shards import Shards
 from training.puma.reading import read_config
-from training.puma.shards import Shards
 
 CONFIG = "puma-tiny"
 ROW = "| {} | {} | {} | {} | {} | {} |"

@@ -35,8 +35,8 @@ from pipeline.data.atomic import write_atomic
 from pipeline.evaluate.scoring.statistics import bootstrap
 from pipeline.evaluate.scoring.summary import scene_of
 from pipeline.run.evaluation import evaluation_version
+from training.puma.loop.runs import LOG
 from training.puma.reading import read_config
-from training.puma.runs import LOG
 from training.puma.train import train
 
 CONFIGS = ("puma-tiny", "puma-tiny-no-history", "puma-tiny-no-auxiliary")

@@ -33,14 +33,14 @@ from pipeline.poses import quat_rotate
 from pipeline.run.evaluation import evaluation_of
 from pipeline.world.objects import FAMILIES, Family
 from training.puma import checkpoint
-from training.puma.cache import Cache
 from training.puma.config import Finder
-from training.puma.data import Corpus
+from training.puma.corpus.cache import Cache
+from training.puma.corpus.samples import Corpus
+from training.puma.finding.tracking import with_tracks
 from training.puma.model.puma import Puma
 from training.puma.policy import PumaPolicy
 from training.puma.reading import read_config
 from training.puma.track import AXES, Tracks
-from training.puma.tracking import with_tracks
 from training.puma.train import train
 
 EPISODES, HEIGHT = 50, 6
@@ -67,7 +67,8 @@ def true_track(log: StateLog, target: str, family: Family, tall: bool) -> NDArra
 def follow_truth(
     data: Path, tall: bool, corpus: Corpus, network: Puma, trained: bool, quiet: bool
 ) -> Corpus:
-    """As training.puma.tracking.follow, by the truth of the episode files in place of images."""
+    """As training.puma.finding.tracking.follow, by the truth of the episode files in place of
+    images."""
 
     def tracks(cache: Cache) -> NDArray[np.float32]:
         out = list[NDArray[np.float32]]()

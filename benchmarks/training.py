@@ -15,7 +15,7 @@ from pathlib import Path
 import torch
 
 from benchmarks.hardware import hardware
-from training.puma.bench import learning, loading, made_up
+from training.puma.measure.bench import learning, loading, made_up
 from training.puma.model.puma import build_model
 from training.puma.reading import read_config
 from training.puma.train import sizes_of

@@ -30,8 +30,8 @@ from pipeline.data.setup import SETUP_FILE
 from training.puma.config import Config, parse_config
 from training.puma.errors import TrainError
 from training.puma.model.puma import Puma, Sizes, build_model
-from training.puma.parallel import like, whole
 from training.puma.preprocess import Preprocessing
+from training.puma.processes.parallel import like, whole
 
 SCHEMA = 1
 POLICY = '''"""A PUMA policy, weights {weights}, configuration {config}.

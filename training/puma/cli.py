@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from training.puma.config import Config
-    from training.puma.paper import Command
+    from training.puma.experiments.paper import Command
 
 app = typer.Typer(
     rich_markup_mode=None,
@@ -69,7 +69,7 @@ def train(
 ) -> None:
     """Train, or resume a training."""
     wanted = configuration(config, settings, data)  # refused before torch is imported
-    from training.puma.parallel import part
+    from training.puma.processes.parallel import part
     from training.puma.train import train as run
 
     result = run(wanted, out, quiet=quiet)
@@ -153,7 +153,7 @@ def overfit(
     """Train on one batch until its loss is near zero; exit code 1 if it does not fall to a
     tenth."""
     wanted = configuration(config, settings, data)
-    from training.puma.checks import overfit as run
+    from training.puma.measure.checks import overfit as run
 
     found = run(wanted, steps)
     text = (
@@ -174,7 +174,7 @@ def replay_check(
 ) -> None:
     """Compare a policy on recorded episodes: its answers with the commands, its inputs with those
     of training."""
-    from training.puma.checks import replay_check as run
+    from training.puma.measure.checks import replay_check as run
 
     found = run(folder, data, episodes)
     lines = [f"{name:16} {error:.4f}" for name, error in found["errors"].items()]
@@ -192,7 +192,7 @@ def replay_check(
 def errors(folder: Checkpoint, as_json: AsJson = False) -> None:
     """Measure errors on validation episodes by dataset: those of the finder (px) by sentence, and
     those of actions before and after the touch (rad)."""
-    from training.puma.checks import errors as run
+    from training.puma.measure.checks import errors as run
 
     found = run(folder)
     if as_json:
@@ -212,7 +212,7 @@ def bench(
 ) -> None:
     """Measure training, data loading and inference on generated data."""
     wanted = configuration(config, settings, None)
-    from training.puma.bench import report
+    from training.puma.measure.bench import report
 
     found = report(wanted, compiled)
     print(
@@ -237,7 +237,7 @@ def memory(
         counts = [whole(part, 1, 100_000) for part in cards.split(",")]
     except ParseError as error:
         raise typer.BadParameter(f"--cards {cards}: {error}") from error
-    from training.puma.memory import needs, table
+    from training.puma.processes.memory import needs, table
 
     found = needs(wanted, counts)
     print(json.dumps([vars(need) for need in found]) if as_json else table(found))
@@ -252,7 +252,7 @@ def paper(
 ) -> None:
     """Run an experiment of the DOMINO paper: build, annotate, export, train each of its networks,
     and print their results beside the published rows."""
-    from training.puma.paper import FULL, TINY, commands
+    from training.puma.experiments.paper import FULL, TINY, commands
 
     _run(commands(name, out, TINY if tiny else FULL, settings or ()))
 
@@ -263,7 +263,7 @@ def table(
     out: Annotated[Path, typer.Argument(help="The --out of a domino-data evaluate.")],
 ) -> None:
     """Print an evaluation beside the published rows of an experiment of the DOMINO paper."""
-    from training.puma.table import printed
+    from training.puma.experiments.table import printed
 
     print("\n".join(printed(name, out)))
 

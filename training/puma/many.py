@@ -20,7 +20,7 @@ from pipeline.evaluate.scoring.results import EPISODES, Results, check_episode
 from pipeline.evaluate.scoring.statistics import clustered
 from pipeline.poses import Floats
 from training.puma import checkpoint
-from training.puma.paper import Command
+from training.puma.experiments.paper import Command
 from training.puma.policy import Memory, PumaPolicy
 from training.puma.reading import read_config
 

@@ -21,13 +21,13 @@ from pipeline.evaluate.serving.history import CLOCK_TOLERANCE, Recent
 from pipeline.poses import Floats
 from training.puma import checkpoint
 from training.puma.config import Config, Execute
-from training.puma.data import references
+from training.puma.corpus.samples import references
+from training.puma.finding.tracking import tools_of
 from training.puma.model.inputs import Inputs, inputs_of, stacked
 from training.puma.model.oracle import oracle_numbers
 from training.puma.model.puma import Puma
 from training.puma.preprocess import Preprocessing
 from training.puma.track import Tracks, aims
-from training.puma.tracking import tools_of
 
 SURE = 0.8
 """How likely another choice of arms must be to replace the one that was made, and a touch to be
@@ -166,7 +166,8 @@ class PumaPolicy(BatchPolicy):
         ]
 
     def arrays(self, memory: Memory, observation: Observation) -> dict[str, NDArray[Any]]:
-        """The arrays of one sample, as `training.puma.data.batch_of` makes them from the cache."""
+        """The arrays of one sample, as `training.puma.corpus.samples.batch_of` makes them from the
+        cache."""
         prep, model = self.preprocessing, self.config.model
         cameras = prep.cameras if model.looks else ()
         out: dict[str, NDArray[Any]] = {

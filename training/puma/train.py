@@ -14,15 +14,19 @@ from accelerate import Accelerator
 from torch import nn
 from tqdm import tqdm
 
-from training.puma import card, checkpoint, memory, runs, trackers
+from training.puma import checkpoint
 from training.puma.config import Config, Train
-from training.puma.data import Corpus, open_corpus
+from training.puma.corpus.samples import Corpus, open_corpus
 from training.puma.errors import TrainError
-from training.puma.flops import peak_flops, step_flops
-from training.puma.loader import Batch, Loader, Share, validation_batches
+from training.puma.finding.tracking import follow, sentences_of
+from training.puma.loop import card, runs
+from training.puma.loop.loader import Batch, Loader, Share, validation_batches
+from training.puma.loop.runs import LOG
 from training.puma.model.inputs import on
 from training.puma.model.puma import Puma, Sizes, build_model
-from training.puma.parallel import (
+from training.puma.processes import memory, trackers
+from training.puma.processes.flops import peak_flops, step_flops
+from training.puma.processes.parallel import (
     in_shares,
     is_shared,
     one_first,
@@ -32,8 +36,6 @@ from training.puma.parallel import (
     start_accelerator,
     whole,
 )
-from training.puma.runs import LOG
-from training.puma.tracking import follow, sentences_of
 
 
 @dataclass(eq=False)
@@ -60,7 +62,8 @@ class Result:
 
 
 Track = Callable[[Corpus, Puma, bool, bool], Corpus]
-"""Adds what a network sees of targets to a corpus, as training.puma.tracking.follow does."""
+"""Adds what a network sees of targets to a corpus, as training.puma.finding.tracking.follow
+does."""
 
 FINDER = "finder.safetensors"
 """The finder of a run, written when it has been trained: a run that is stopped begins there."""

@@ -17,9 +17,9 @@ from pipeline.evaluate.serving.server import ServerAddress
 from tests.training.puma.test_train import SIZES, seen, start
 from tests.training.puma.tiny import config_of
 from training.puma import checkpoint
-from training.puma.bench import report
 from training.puma.cli import app
 from training.puma.errors import TrainError
+from training.puma.measure.bench import report
 from training.puma.policy import PumaPolicy
 from training.puma.serve import label, server
 from training.puma.train import train

@@ -11,16 +11,22 @@ import torch
 from pipeline.data.cameras import look, project
 from tests.training.puma.test_train import seen, start
 from tests.training.puma.tiny import config_of
-from training.puma.checks import replay_check
 from training.puma.config import Config, parse_config
-from training.puma.data import open_corpus
+from training.puma.corpus.samples import open_corpus
 from training.puma.errors import TrainError
-from training.puma.loader import targets_of
+from training.puma.finding.tracking import (
+    Disturbance,
+    choice_of,
+    since_touch,
+    tools_of,
+    touch_points,
+)
+from training.puma.loop.loader import targets_of
+from training.puma.measure.checks import replay_check
 from training.puma.model.puma import Outputs, Sizes, build_model
 from training.puma.policy import PumaPolicy
 from training.puma.preprocess import Preprocessing
 from training.puma.track import CHOICES, TargetView, Track, track_numbers
-from training.puma.tracking import Disturbance, choice_of, since_touch, tools_of, touch_points
 from training.puma.train import train
 
 SIGHT = TargetView((240, 320), 37.0, tuple(look((0.0, -0.5, 1.4), (0.0, 0.6, -0.7))), 0.76, 0.03)

@@ -66,8 +66,8 @@ def on[T](values: T, device: torch.device | str) -> T:
 def inputs_of(
     arrays: Mapping[str, NDArray[Any]], texts: Sequence[str], config: Config, words: Tokenizer
 ) -> Inputs:
-    """Inputs from the arrays of `training.puma.data.batch_of`, or the same arrays made while a
-    policy acts."""
+    """Inputs from the arrays of `training.puma.corpus.samples.batch_of`, or the same arrays made
+    while a policy acts."""
     model = config.model
     found: dict[str, Tensor] = {"text": words.ids(texts)}
     if model.looks:

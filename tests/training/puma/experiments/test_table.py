@@ -5,7 +5,7 @@ import pytest
 from pipeline.data.recipe.model import Recipe
 from pipeline.tasks import TASKS
 from training.puma.errors import TrainError
-from training.puma.table import EXPERIMENTS, beside, differences, experiment, printed
+from training.puma.experiments.table import EXPERIMENTS, beside, differences, experiment, printed
 
 
 def mean(level, category, rate):
@@ -49,8 +49,8 @@ def test_ours_stands_before_the_papers_rows_of_its_group():
 
 def test_an_evaluation_stands_beside_the_papers_rows(monkeypatch, tmp_path):
     means = [mean(1, "all", 30.0) | {"episodes": 200, "tasks": 10}]
-    monkeypatch.setattr("training.puma.table.newest", lambda out: [])
-    monkeypatch.setattr("training.puma.table.over_tasks", lambda rows: means)
+    monkeypatch.setattr("training.puma.experiments.table.newest", lambda out: [])
+    monkeypatch.setattr("training.puma.experiments.table.over_tasks", lambda rows: means)
     lines = list(printed("slow", tmp_path))
     assert lines[1].split() == [
         "->",
@@ -68,8 +68,8 @@ def test_an_evaluation_stands_beside_the_papers_rows(monkeypatch, tmp_path):
 @pytest.mark.parametrize(("level", "task"), [(3, "click_bell"), (1, "pick_ripe")])
 def test_an_evaluation_of_nothing_that_the_paper_has_is_refused(monkeypatch, tmp_path, level, task):
     rows = [mean(level, "all", 30.0) | {"task": task}]
-    monkeypatch.setattr("training.puma.table.newest", lambda out: rows)
-    monkeypatch.setattr("training.puma.table.over_tasks", list)
+    monkeypatch.setattr("training.puma.experiments.table.newest", lambda out: rows)
+    monkeypatch.setattr("training.puma.experiments.table.over_tasks", list)
     with pytest.raises(TrainError, match="no task of it is in the paper's table 'main'"):
         list(printed("main", tmp_path))
 

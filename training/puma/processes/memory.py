@@ -19,7 +19,7 @@ from training.puma.config import Config
 from training.puma.errors import TrainError
 from training.puma.model.puma import Puma, Sizes
 from training.puma.model.text import BUCKET
-from training.puma.parallel import LAYERS, shell_of
+from training.puma.processes.parallel import LAYERS, shell_of
 
 GB = 1e9
 KINDS = ("ddp", "zero2", "fsdp")

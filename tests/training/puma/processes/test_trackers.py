@@ -7,10 +7,10 @@ import pytest
 from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
 
 from tests.training.puma.tiny import config_of
-from training.puma import trackers
 from training.puma.config import Config
 from training.puma.errors import TrainError
-from training.puma.runs import LOG
+from training.puma.loop.runs import LOG
+from training.puma.processes import trackers
 from training.puma.train import train
 
 

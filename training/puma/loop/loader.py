@@ -11,12 +11,12 @@ import torch
 from numpy.typing import NDArray
 
 from training.puma.config import Config
-from training.puma.data import Arrays, Corpus, SplitFrames, mixed_batch, pooled
+from training.puma.corpus.sampler import Sampler
+from training.puma.corpus.samples import Arrays, Corpus, SplitFrames, mixed_batch, pooled
+from training.puma.finding.tracking import Disturbance
 from training.puma.model.inputs import Inputs, inputs_of
 from training.puma.model.puma import IGNORED, Targets
 from training.puma.model.text import Tokenizer
-from training.puma.sampler import Sampler
-from training.puma.tracking import Disturbance
 
 AHEAD = 2
 """Batches that are made before they are asked for."""

@@ -13,9 +13,9 @@ from training.puma import train as training
 from training.puma.cli import app
 from training.puma.config import Config
 from training.puma.errors import TrainError
-from training.puma.memory import Weights, activations, least, refusal, weights_of
 from training.puma.model.puma import Sizes, build_model
-from training.puma.parallel import shell_of
+from training.puma.processes.memory import Weights, activations, least, refusal, weights_of
+from training.puma.processes.parallel import shell_of
 from training.puma.reading import CONFIGS, read_config
 
 SIZES = Sizes(14, 32)
@@ -99,7 +99,7 @@ def test_what_cannot_fit_is_refused_in_one_line_that_names_what_can(tmp_path: Pa
 def test_training_refuses_before_it_makes_anything(
     tmp_path: Path, dataset: Path, cache: Path, monkeypatch: pytest.MonkeyPatch
 ):
-    monkeypatch.setattr("training.puma.memory.os.sysconf", lambda name: 1000)
+    monkeypatch.setattr("training.puma.processes.memory.os.sysconf", lambda name: 1000)
     monkeypatch.setattr(training, "build_model", lambda *_: pytest.fail("weights were made"))
     with pytest.raises(TrainError, match=r"this machine's memory has 0 GB: use train\.parallel"):
         training.train(config_of(dataset, cache), tmp_path / "out", quiet=True)

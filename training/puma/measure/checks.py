@@ -13,13 +13,13 @@ from pipeline.data.episode.frames import decode_frame
 from pipeline.evaluate.policies.policy import Observation, Start
 from training.puma import checkpoint
 from training.puma.config import Config, MixtureSource
-from training.puma.data import Corpus, SplitFrames, batch_of, open_corpus
+from training.puma.corpus.samples import Corpus, SplitFrames, batch_of, open_corpus
+from training.puma.corpus.shards import Shard, Shards
 from training.puma.errors import TrainError
-from training.puma.loader import Loader, validation_batches
+from training.puma.finding.tracking import follow
+from training.puma.loop.loader import Loader, validation_batches
 from training.puma.model.puma import Puma, build_model
 from training.puma.policy import OraclePolicy, PumaPolicy
-from training.puma.shards import Shard, Shards
-from training.puma.tracking import follow
 from training.puma.train import groups, sizes_of
 
 LOOKED_AT = 60

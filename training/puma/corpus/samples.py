@@ -13,8 +13,8 @@ from pipeline.data.dataset import Dataset
 from pipeline.data.setup import Setup
 from pipeline.data.setup.written import camera_name
 from pipeline.data.slots.select import position_of
-from training.puma.cache import Cache, Tell, open_cache
 from training.puma.config import Config
+from training.puma.corpus.cache import Cache, Tell, open_cache
 from training.puma.errors import TrainError
 from training.puma.model.oracle import oracle_numbers
 from training.puma.preprocess import Preprocessing, Scale, colour_of, fit_scale

@@ -28,9 +28,9 @@ from pipeline.data.atomic import atomic_directory
 from pipeline.data.episode.frames import EpisodeError, decode_frame
 from pipeline.data.keys import digest
 from training.puma.config import Config, MixtureSource
+from training.puma.corpus.shards import Row, Shard, Shards
 from training.puma.errors import TrainError
 from training.puma.preprocess import color_maps, colour_of, resized
-from training.puma.shards import Row, Shard, Shards
 
 VERSION = 2
 """Raised whenever the code would make other arrays from the same input."""

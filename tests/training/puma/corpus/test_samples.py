@@ -20,10 +20,10 @@ from pipeline.data.recipe.model import parse_recipe
 from pipeline.data.setup import SETUP_FILE, Setup
 from tests.synthetic import episode_path, make_episode
 from tests.training.puma.tiny import FRAMES, config_of, export
-from training.puma.cache import open_cache
-from training.puma.checks import replay_check
 from training.puma.config import Config, MixtureSource, parse_config
-from training.puma.data import (
+from training.puma.corpus.cache import open_cache
+from training.puma.corpus.sampler import Sampler
+from training.puma.corpus.samples import (
     SplitFrames,
     batch_of,
     mixed_batch,
@@ -31,10 +31,10 @@ from training.puma.data import (
     setup_of,
     split_episodes,
 )
+from training.puma.corpus.shards import Shards
 from training.puma.errors import TrainError
+from training.puma.measure.checks import replay_check
 from training.puma.preprocess import Preprocessing, fit_scale
-from training.puma.sampler import Sampler
-from training.puma.shards import Shards
 from training.puma.train import train
 
 

@@ -20,10 +20,10 @@ from accelerate import (
 )
 from torch import Tensor, distributed, nn
 
-from training.puma import trackers
 from training.puma.config import Config, Train
 from training.puma.errors import TrainError
 from training.puma.model.puma import Puma, Sizes, build_model
+from training.puma.processes import trackers
 
 if TYPE_CHECKING:
     from torch.distributed.tensor import DTensor

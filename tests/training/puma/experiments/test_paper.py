@@ -7,11 +7,11 @@ import pytest
 
 from training.puma.cli import app
 from training.puma.errors import TrainError
-from training.puma.paper import FULL, STUDIES, TINY, study
+from training.puma.experiments.paper import FULL, STUDIES, TINY, study
+from training.puma.experiments.table import EXPERIMENTS
 from training.puma.reading import names, read_config
-from training.puma.table import EXPERIMENTS
 
-MANIFESTS = Path(__file__).parents[3] / "manifests" / "paper"
+MANIFESTS = Path(__file__).parents[4] / "manifests" / "paper"
 
 
 @pytest.mark.parametrize("name", STUDIES)

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from training.puma.errors import TrainError
-from training.puma.table import experiment
+from training.puma.experiments.table import experiment
 
 STILL, MOVING = "level = 0", "level > 0"
 
@@ -148,7 +148,7 @@ def commands(
     from training.puma import checkpoint  # torch takes seconds to import
 
     found, data = study(name), str(out / "data")
-    recipe = Path(__file__).parents[2] / "manifests" / "paper" / f"{found.manifest}.yaml"
+    recipe = Path(__file__).parents[3] / "manifests" / "paper" / f"{found.manifest}.yaml"
     build = ("build", "--manifest", str(recipe), "--out", data, *size.options)
     yield Command("domino-data", build, (0, 3))
     yield Command("domino-data", ("annotate", data, *size.masks))

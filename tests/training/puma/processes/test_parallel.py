@@ -17,8 +17,8 @@ from torch import multiprocessing
 from tests.training.puma.tiny import config_of, qwen_json
 from training.puma import checkpoint
 from training.puma.config import Config
-from training.puma.parallel import part
-from training.puma.runs import LOG
+from training.puma.loop.runs import LOG
+from training.puma.processes.parallel import part
 from training.puma.train import train
 
 pytestmark = pytest.mark.slow
@@ -27,7 +27,8 @@ pytestmark = pytest.mark.slow
 def note_what_is_done_alone(rank: int, path: Path) -> None:
     """Append a line for every cache that this process decodes and every network that it builds with
     weights."""
-    from training.puma import cache, train
+    from training.puma import train
+    from training.puma.corpus import cache
 
     def noting(name: str, do: Callable[..., Any]) -> Callable[..., Any]:
         def done(*given: Any) -> Any:

@@ -1,0 +1,1 @@
+"""Experiments of the DOMINO paper as commands, and its printed rows beside ours."""
