@@ -294,7 +294,7 @@ def _instances(name: str, family: str, where: str) -> list[str]:
 
 
 def _check_links(recipe: Recipe) -> None:
-    """Raise CameraError for a camera on a link that a robot or task lacks."""
+    """Raise CameraError for a camera on a link that neither robot nor task has."""
     named = [c.camera(c.name) for c in recipe.cameras if isinstance(c, NamedCamera)]
     for name in recipe.embodiments if named else ():
         arms = get_embodiment(name).arms.items()
