@@ -33,11 +33,11 @@ from pipeline.poses import quat_rotate
 from pipeline.run.evaluation import evaluation_of
 from pipeline.world.objects import FAMILIES, Family
 from training.puma import checkpoint
-from training.puma.config import Finder
 from training.puma.corpus.cache import Cache
 from training.puma.corpus.samples import Corpus
 from training.puma.finding.tracking import with_tracks
 from training.puma.model.puma import Puma
+from training.puma.model_keys import Finder
 from training.puma.policy import PumaPolicy
 from training.puma.reading import read_config
 from training.puma.track import AXES, Tracks

@@ -16,7 +16,7 @@ from tests.synthetic import episode_path, make_episode
 from tests.training.puma.test_track import SIGHT, small
 from tests.training.puma.test_train import seen, start
 from training.puma.cli import app
-from training.puma.config import Config, Finder, parse_config
+from training.puma.config import Config, parse_config
 from training.puma.corpus.samples import batch_of, open_corpus, pooled
 from training.puma.errors import TrainError
 from training.puma.finding import tracking
@@ -26,6 +26,7 @@ from training.puma.measure.checks import errors, replay_check
 from training.puma.model.finder import FinderNet, finding_loss, learn_tasks
 from training.puma.model.puma import build_model
 from training.puma.model.text import HashedWords
+from training.puma.model_keys import Finder
 from training.puma.policy import PumaPolicy
 from training.puma.track import Tracks, aim_numbers, aims
 from training.puma.train import FINDER, sizes_of, train

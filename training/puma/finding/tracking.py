@@ -21,13 +21,14 @@ from pipeline.planning.kinematics import fk_batch
 from pipeline.planning.planner import planner_for
 from pipeline.poses import inverse, transform
 from training.puma import checkpoint
-from training.puma.config import Config, Finder
+from training.puma.config import Config
 from training.puma.corpus.cache import Cache, CodedImages
 from training.puma.corpus.samples import Arrays, Corpus
 from training.puma.corpus.shards import Row
 from training.puma.errors import TrainError
 from training.puma.model.finder import finding_loss, learn_tasks
 from training.puma.model.puma import Puma
+from training.puma.model_keys import Finder
 from training.puma.preprocess import Preprocessing
 from training.puma.track import CHOICES, TargetView, Tracks, aims, track_numbers
 

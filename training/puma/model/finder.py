@@ -8,9 +8,9 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from training.puma.config import Finder
 from training.puma.model.text import PADDING, padded
 from training.puma.model.tiny import Points
+from training.puma.model_keys import Finder
 from training.puma.preprocess import resized
 
 HELPERS = 8

@@ -17,11 +17,12 @@ from torch import Tensor, nn
 from transformers import AutoTokenizer, Qwen3VLConfig, Qwen3VLModel
 
 from pipeline.data.parsing import read_json
-from training.puma.config import Backbone, Config
+from training.puma.config import Config
 from training.puma.errors import TrainError
 from training.puma.model.inputs import Inputs
 from training.puma.model.text import PADDING, HashedWords, TokenizedWords, Tokenizer
 from training.puma.model.vision import Vision
+from training.puma.model_keys import Backbone
 
 UNIT = 32
 """Sides of images are multiples of this: patch size times merge size."""

@@ -8,13 +8,14 @@ import pytest
 import torch
 
 from tests.training.puma.tiny import config_of, qwen_json
-from training.puma.config import Config, Lora
+from training.puma.config import Config
 from training.puma.errors import TrainError
 from training.puma.model.heads import EVERY, action_loss, box_loss, feature_loss, mode_loss
 from training.puma.model.inputs import Inputs
 from training.puma.model.oracle import oracle_numbers, oracle_size
 from training.puma.model.puma import Puma, Sizes, Targets, build_model
 from training.puma.model.text import PADDING, HashedWords
+from training.puma.model_keys import Lora
 
 SIZES = Sizes(14, 32)
 
