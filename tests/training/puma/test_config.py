@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from training.puma.cli import configuration
 from training.puma.config import Config, parse_config, yaml
 from training.puma.errors import TrainError
+from training.puma.options import configuration
 from training.puma.reading import CONFIGS, names, read_config
 
 
