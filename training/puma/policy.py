@@ -22,7 +22,7 @@ from pipeline.poses import Floats
 from training.puma import checkpoint
 from training.puma.config import Config, Execute
 from training.puma.corpus.samples import references
-from training.puma.finding.tracking import tools_of
+from training.puma.finding.tools import tools_of
 from training.puma.model.inputs import Inputs, inputs_of, stacked
 from training.puma.model.oracle import oracle_numbers
 from training.puma.model.puma import Puma

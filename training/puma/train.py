@@ -18,7 +18,8 @@ from training.puma import checkpoint
 from training.puma.config import Config, Train
 from training.puma.corpus.samples import Corpus, open_corpus
 from training.puma.errors import TrainError
-from training.puma.finding.tracking import follow, sentences_of
+from training.puma.finding.learning import sentences_of
+from training.puma.finding.tracking import follow
 from training.puma.loop import card, runs
 from training.puma.loop.loader import Batch, Loader, Share, validation_batches
 from training.puma.loop.runs import LOG

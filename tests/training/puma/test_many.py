@@ -180,7 +180,7 @@ def test_a_network_of_two_tasks_trains_resumes_and_sees_what_it_was_trained_on(
     (tmp_path / "kept").mkdir()
     shutil.copy(tmp_path / "whole" / FINDER, tmp_path / "kept")
     with monkeypatch.context() as patched:
-        patched.setattr(tracking, "_train", None)
+        patched.setattr(tracking, "train_finder", None)
         train(config, tmp_path / "kept", quiet=True)
     whole, *others = (
         (tmp_path / run / "checkpoints/step_00000006/model.safetensors").read_bytes()

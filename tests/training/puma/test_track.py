@@ -14,13 +14,8 @@ from tests.training.puma.tiny import config_of
 from training.puma.config import Config, parse_config
 from training.puma.corpus.samples import open_corpus
 from training.puma.errors import TrainError
-from training.puma.finding.tracking import (
-    Disturbance,
-    choice_of,
-    since_touch,
-    tools_of,
-    touch_points,
-)
+from training.puma.finding.tools import Disturbance, tools_of, touch_points
+from training.puma.finding.tracking import choice_of, since_touch
 from training.puma.loop.loader import targets_of
 from training.puma.measure.checks import replay_check
 from training.puma.model.puma import Outputs, Sizes, build_model

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from training.puma.config import Config
 from training.puma.corpus.sampler import Sampler
 from training.puma.corpus.samples import Arrays, Corpus, SplitFrames, mixed_batch, pooled
-from training.puma.finding.tracking import Disturbance
+from training.puma.finding.tools import Disturbance
 from training.puma.model.inputs import Inputs, inputs_of
 from training.puma.model.puma import IGNORED, Targets
 from training.puma.model.text import Tokenizer
