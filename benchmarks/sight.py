@@ -34,7 +34,7 @@ from pipeline.run.evaluation import evaluation_of
 from pipeline.world.objects import FAMILIES, Family
 from training.puma import checkpoint
 from training.puma.corpus.cache import Cache
-from training.puma.corpus.samples import Corpus
+from training.puma.corpus.mixture import Corpus
 from training.puma.finding.tracking import with_tracks
 from training.puma.model.puma import Puma
 from training.puma.model_keys import Finder

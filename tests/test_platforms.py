@@ -89,7 +89,7 @@ print(json.dumps(frames))
 
 
 def test_training_needs_no_simulator():
-    code = "import training.puma.train, training.puma.corpus.samples, training.puma.model, torch"
+    code = "import training.puma.train, training.puma.corpus.mixture, training.puma.model, torch"
     done = run(code, missing=("sapien",))
     assert done.returncode == 0, done.stderr
 

@@ -15,20 +15,21 @@ from torch import nn
 from tqdm import tqdm
 
 from training.puma import checkpoint
-from training.puma.config import Config, Train
-from training.puma.corpus.samples import Corpus, open_corpus
+from training.puma.config import Config
+from training.puma.corpus.mixture import Corpus, open_corpus
 from training.puma.errors import TrainError
 from training.puma.finding.learning import sentences_of
 from training.puma.finding.tracking import follow
 from training.puma.loop import card, runs
-from training.puma.loop.loader import Batch, Loader, Share, validation_batches
+from training.puma.loop.loader import Batch, Loader, Share, parts_of
+from training.puma.loop.rates import groups, rate_at
 from training.puma.loop.runs import LOG
+from training.puma.loop.validation import open_loop
 from training.puma.model.inputs import on
 from training.puma.model.puma import Puma, Sizes, build_model
 from training.puma.processes import memory, trackers
 from training.puma.processes.flops import peak_flops, step_flops
 from training.puma.processes.parallel import (
-    in_shares,
     is_shared,
     one_first,
     prepare,
@@ -175,40 +176,6 @@ def sizes_of(corpus: Corpus) -> Sizes:
     )
 
 
-def groups(network: Puma, settings: Train) -> list[dict[str, Any]]:
-    """Weights by learning rate: those of the backbone, of the heads, and of the world head with the
-    queries. Biases, norms and queries do not decay."""
-    rates = {
-        "backbone": settings.backbone_rate,
-        "heads": settings.head_rate,
-        "world": settings.world_rate or settings.head_rate,
-    }
-    found: dict[tuple[float, bool], list[nn.Parameter]] = {}
-    for name, weight in network.named_parameters():
-        if weight.requires_grad:
-            decays = weight.ndim > 1 and name != "queries"
-            found.setdefault((rates[_part_of(name)], decays), []).append(weight)
-    return [
-        {"params": some, "lr": rate, "peak": rate, "weight_decay": settings.weight_decay * decays}
-        for (rate, decays), some in found.items()
-    ]
-
-
-def _part_of(name: str) -> str:
-    if name.startswith("backbone."):
-        return "backbone"
-    return "world" if name == "queries" or name.startswith("world_head.") else "heads"
-
-
-def rate_at(step: int, settings: Train) -> float:
-    """Share of the peak learning rate at a step: linear warm-up, then a cosine to the floor."""
-    if step < settings.warmup:
-        return (step + 1) / settings.warmup
-    floor = min(1.0, settings.floor_rate / settings.backbone_rate)
-    part = (step - settings.warmup) / max(1, settings.steps - settings.warmup)
-    return floor + (1 - floor) * (1 + math.cos(math.pi * min(1.0, part))) / 2
-
-
 @dataclass(eq=False)
 class _Run:
     config: Config
@@ -317,47 +284,3 @@ class _Run:
             checkpoint.prune(self.out, self.config.train.keep)
         self.accelerator.wait_for_everyone()
         self._waited = time.perf_counter()
-
-
-def open_loop(network: Puma, corpus: Corpus, device: torch.device | str) -> dict[str, float]:
-    """Losses on validation frames, and `error`: mean absolute error of the actions that exist, in
-    rad (grippers 0-1)."""
-    was, totals, error, count, samples = network.training, dict[str, float](), 0.0, 0, 0
-    network.eval()
-    scale = torch.tensor(corpus.preprocessing.action.spread, dtype=torch.float32, device=device)
-    with torch.no_grad():
-        for part in corpus.validation:
-            for inputs, targets in validation_batches(part, network.config, corpus, network.words):
-                targets = on(targets, device)
-                outputs = network(inputs.to(device))
-                for name, value in network.losses(outputs, targets).items():
-                    totals[name] = totals.get(name, 0.0) + float(value) * len(inputs)
-                wrong = ((outputs.actions - targets.action).abs() * scale)[targets.action_valid]
-                error, count, samples = (
-                    error + float(wrong.sum()),
-                    count + wrong.numel(),
-                    samples + len(inputs),
-                )
-    in_shares(network)
-    network.train(was)
-    return {name: value / samples for name, value in totals.items()} | {
-        "error": error / max(count, 1)
-    }
-
-
-def parts_of(batch: Batch, parts: int) -> list[Batch]:
-    """A batch cut into equal parts."""
-    if parts == 1:
-        return [batch]
-    size = len(batch.inputs) // parts
-    cut = [slice(i * size, (i + 1) * size) for i in range(parts)]
-    return [
-        Batch(_slice(batch.inputs, rows), _slice(batch.targets, rows), batch.sampler)
-        for rows in cut
-    ]
-
-
-def _slice[T](values: T, rows: slice) -> T:
-    return type(values)(
-        **{name: None if v is None else v[rows] for name, v in vars(values).items()}
-    )

@@ -11,10 +11,10 @@ from lerobot.utils.constants import ACTION, OBS_STATE
 from torch import Tensor
 
 from lerobot_policy_puma.configuration_puma import PumaConfig
+from training.puma.loop.rates import groups
 from training.puma.model.inputs import Inputs
 from training.puma.model.puma import Sizes, Targets, build_model
 from training.puma.preprocess import Preprocessing, Scale, colour_of, resized
-from training.puma.train import groups
 
 
 class PumaPolicy(PreTrainedPolicy):

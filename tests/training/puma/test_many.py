@@ -17,7 +17,9 @@ from tests.training.puma.test_track import SIGHT, small
 from tests.training.puma.test_train import seen, start
 from training.puma.cli import app
 from training.puma.config import Config, parse_config
-from training.puma.corpus.samples import batch_of, open_corpus, pooled
+from training.puma.corpus.mixture import open_corpus
+from training.puma.corpus.samples import batch_of
+from training.puma.corpus.split import pooled
 from training.puma.errors import TrainError
 from training.puma.finding import tracking
 from training.puma.finding.tracking import with_tracks

@@ -12,7 +12,7 @@ from pipeline.data.cameras import look, project
 from tests.training.puma.test_train import seen, start
 from tests.training.puma.tiny import config_of
 from training.puma.config import Config, parse_config
-from training.puma.corpus.samples import open_corpus
+from training.puma.corpus.mixture import open_corpus
 from training.puma.errors import TrainError
 from training.puma.finding.tools import Disturbance, tools_of, touch_points
 from training.puma.finding.tracking import choice_of, since_touch

@@ -22,15 +22,19 @@ from tests.training.puma.tiny import config_of, qwen_json
 from training.puma import checkpoint
 from training.puma.config import Config, Execute, MixtureSource
 from training.puma.corpus.cache import Cache, open_cache
-from training.puma.corpus.samples import Corpus, SplitFrames, batch_of, open_corpus
+from training.puma.corpus.mixture import Corpus, open_corpus
+from training.puma.corpus.samples import batch_of
+from training.puma.corpus.split import SplitFrames
 from training.puma.errors import TrainError
 from training.puma.loop.loader import LOADING
+from training.puma.loop.rates import groups, rate_at
 from training.puma.loop.runs import LOG
+from training.puma.loop.validation import open_loop
 from training.puma.measure.checks import overfit, replay_check
 from training.puma.model.inputs import inputs_of
 from training.puma.model.puma import Sizes, build_model
 from training.puma.policy import Memory, PumaPolicy
-from training.puma.train import groups, open_loop, rate_at, train
+from training.puma.train import train
 
 SIZES = {"head_camera": (240, 320), "left_camera": (240, 320)}
 
@@ -124,7 +128,7 @@ def test_a_mixture_is_replayed_where_only_one_part_is_validated(
     def split(found: Cache, share: float) -> tuple[list[int], list[int]]:
         return ([0], [1]) if len(found.rows) == 2 else ([0], [])
 
-    monkeypatch.setattr("training.puma.corpus.samples.split_episodes", split)
+    monkeypatch.setattr("training.puma.corpus.mixture.split_episodes", split)
     sources = tuple(
         MixtureSource(dataset=dataset, where=where) for where in ("slot=2", "slot in (0, 1)")
     )

@@ -13,7 +13,7 @@ from tqdm import tqdm
 
 from pipeline.data.process.machine import usable_cores
 from training.puma.corpus.cache import CodedImages
-from training.puma.corpus.samples import Corpus
+from training.puma.corpus.mixture import Corpus
 from training.puma.corpus.shards import Row
 from training.puma.errors import TrainError
 from training.puma.finding.tools import touch_points

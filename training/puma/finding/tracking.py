@@ -14,7 +14,7 @@ from pipeline.data.keys import digest
 from pipeline.data.names import SIDES
 from training.puma import checkpoint
 from training.puma.corpus.cache import Cache
-from training.puma.corpus.samples import Corpus
+from training.puma.corpus.mixture import Corpus
 from training.puma.finding.learning import in_order, train_finder
 from training.puma.finding.tools import tools_of
 from training.puma.model.puma import Puma

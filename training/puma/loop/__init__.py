@@ -1,2 +1,2 @@
-"""Parts of the training loop (train.py): batches ahead of it, the directory of a run, and the
-model card."""
+"""Parts of the training loop (train.py): batches ahead of it, learning rates, validation, the
+directory of a run, and the model card."""

@@ -6,7 +6,7 @@ from pathlib import Path
 import torch
 
 from training.puma.config import Config
-from training.puma.corpus.samples import Corpus
+from training.puma.corpus.mixture import Corpus
 
 
 def model_card(config: Config, corpus: Corpus, step: int, log: Path) -> str:

@@ -11,8 +11,10 @@ import torch
 from numpy.typing import NDArray
 
 from training.puma.config import Config
+from training.puma.corpus.mixture import Corpus
 from training.puma.corpus.sampler import Sampler
-from training.puma.corpus.samples import Arrays, Corpus, SplitFrames, mixed_batch, pooled
+from training.puma.corpus.samples import Arrays, mixed_batch
+from training.puma.corpus.split import pooled
 from training.puma.finding.tools import Disturbance
 from training.puma.model.inputs import Inputs, inputs_of
 from training.puma.model.puma import IGNORED, Targets
@@ -125,20 +127,6 @@ def targets_of(arrays: Arrays, config: Config) -> Targets:
     return Targets(**found)
 
 
-def validation_batches(
-    part: SplitFrames, config: Config, corpus: Corpus, words: Tokenizer
-) -> Iterator[tuple[Inputs, Targets]]:
-    """Evenly spaced frames of a part, the same every time, at most `train.validation_samples`."""
-    count = min(len(part), config.train.validation_samples)
-    places = np.linspace(0, len(part) - 1, count).round().astype(np.int64)
-    for start in range(0, count, config.train.batch):
-        some = places[start : start + config.train.batch]
-        arrays, texts = mixed_batch(
-            [part], (np.zeros(len(some), np.int64), some), config, corpus.preprocessing
-        )
-        yield inputs_of(arrays, texts, config, words), targets_of(arrays, config)
-
-
 def generator(seed: Sequence[int]) -> np.random.Generator:
     """The random numbers of one batch."""
     return np.random.Generator(np.random.Philox(np.random.SeedSequence(list(seed))))
@@ -160,3 +148,21 @@ def _shift_image(image: NDArray[np.uint8], down: int, right: int) -> NDArray[np.
     rows = np.clip(np.arange(image.shape[0]) - down, 0, image.shape[0] - 1)
     columns = np.clip(np.arange(image.shape[1]) - right, 0, image.shape[1] - 1)
     return image[rows][:, columns]
+
+
+def parts_of(batch: Batch, parts: int) -> list[Batch]:
+    """A batch cut into equal parts."""
+    if parts == 1:
+        return [batch]
+    size = len(batch.inputs) // parts
+    cut = [slice(i * size, (i + 1) * size) for i in range(parts)]
+    return [
+        Batch(_slice(batch.inputs, rows), _slice(batch.targets, rows), batch.sampler)
+        for rows in cut
+    ]
+
+
+def _slice[T](values: T, rows: slice) -> T:
+    return type(values)(
+        **{name: None if v is None else v[rows] for name, v in vars(values).items()}
+    )

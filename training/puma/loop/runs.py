@@ -7,7 +7,7 @@ from pipeline.data.atomic import sweep, write_atomic
 from pipeline.data.parsing import read_yaml
 from training.puma import checkpoint
 from training.puma.config import Config, parse_config
-from training.puma.corpus.samples import Corpus
+from training.puma.corpus.mixture import Corpus
 from training.puma.errors import TrainError
 from training.puma.loop.loader import Loader
 from training.puma.processes import trackers

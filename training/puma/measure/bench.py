@@ -15,15 +15,17 @@ from pipeline.data.names import SIDES
 from pipeline.evaluate.policies.policy import Observation, Start
 from training.puma.config import Config, MixtureSource
 from training.puma.corpus.cache import Cache
-from training.puma.corpus.samples import Corpus, SplitFrames, preprocessing_of
+from training.puma.corpus.mixture import Corpus, preprocessing_of
 from training.puma.corpus.shards import Row
+from training.puma.corpus.split import SplitFrames
 from training.puma.loop.loader import Loader
+from training.puma.loop.rates import groups
 from training.puma.model.inputs import on
 from training.puma.model.puma import Puma, build_model
 from training.puma.policy import PumaPolicy
 from training.puma.processes.flops import forward_flops, peak_flops
 from training.puma.track import track_numbers
-from training.puma.train import groups, sizes_of
+from training.puma.train import sizes_of
 
 EPISODE = 100
 """Frames of a made-up episode."""

@@ -13,14 +13,18 @@ from pipeline.data.episode.frames import decode_frame
 from pipeline.evaluate.policies.policy import Observation, Start
 from training.puma import checkpoint
 from training.puma.config import Config, MixtureSource
-from training.puma.corpus.samples import Corpus, SplitFrames, batch_of, open_corpus
+from training.puma.corpus.mixture import Corpus, open_corpus
+from training.puma.corpus.samples import batch_of
 from training.puma.corpus.shards import Shard, Shards
+from training.puma.corpus.split import SplitFrames
 from training.puma.errors import TrainError
 from training.puma.finding.tracking import follow
-from training.puma.loop.loader import Loader, validation_batches
+from training.puma.loop.loader import Loader
+from training.puma.loop.rates import groups
+from training.puma.loop.validation import validation_batches
 from training.puma.model.puma import Puma, build_model
 from training.puma.policy import OraclePolicy, PumaPolicy
-from training.puma.train import groups, sizes_of
+from training.puma.train import sizes_of
 
 LOOKED_AT = 60
 """Images of a dataset in which errors of the finder are measured."""

@@ -22,16 +22,11 @@ from tests.synthetic import episode_path, make_episode
 from tests.training.puma.tiny import FRAMES, config_of, export
 from training.puma.config import Config, MixtureSource, parse_config
 from training.puma.corpus.cache import open_cache
+from training.puma.corpus.mixture import open_corpus, setup_of
 from training.puma.corpus.sampler import Sampler
-from training.puma.corpus.samples import (
-    SplitFrames,
-    batch_of,
-    mixed_batch,
-    open_corpus,
-    setup_of,
-    split_episodes,
-)
+from training.puma.corpus.samples import batch_of, mixed_batch
 from training.puma.corpus.shards import Shards
+from training.puma.corpus.split import SplitFrames, split_episodes
 from training.puma.errors import TrainError
 from training.puma.measure.checks import replay_check
 from training.puma.preprocess import Preprocessing, fit_scale
