@@ -1,5 +1,5 @@
 """Episodes of a dataset's Parquet export with their annotations; the command that makes a missing
-or stale one."""
+or stale export."""
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
@@ -13,14 +13,12 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
-from pipeline.annotate.stage import AnnotateError
-from pipeline.annotate.store import entry_header, find_stage
 from pipeline.data.dataset import Dataset
 from pipeline.data.keys import digest, frames_digest
 from pipeline.data.names import EXPORTED_CAMERAS
-from pipeline.data.slots.annotations import CorruptAnnotation, annotation_path, read_entry
 from pipeline.data.slots.select import COLUMNS, parse_where, select_rows
 from training.puma.config import Config, MixtureSource
+from training.puma.corpus.annotations import NeededAnnotations
 from training.puma.errors import TrainError
 
 EXPORT = "parquet"
@@ -79,6 +77,7 @@ class Shards:
 
     def __init__(self, source: MixtureSource, config: Config) -> None:
         self.dataset, self.where, self.config = source.dataset, source.where, config
+        self.annotations = NeededAnnotations(source.dataset, config)
         own = source.after_success
         self.after_success = config.data.after_success if own is None else own
         track = config.model.track
@@ -177,75 +176,17 @@ class Shards:
         return columns
 
     @cached_property
-    def directories(self) -> dict[str, str]:
-        """Stage -> directory of the annotations that are read."""
-        model, data = self.config.model, self.config.data
-        camera, found = data.cameras[0], dict[str, str]()
-        wanted: dict[str, dict[str, Any]] = {}
-        if model.history == "flow":
-            size = [data.flow_size[1], data.flow_size[0]]
-            wanted["flow"] = {
-                "camera": camera,
-                "stride": model.stride,
-                "source": data.flow_source,
-                "size": size,
-            }
-        if model.world == "features":
-            wanted["features"] = {"camera": camera}
-        if model.world == "boxes":
-            wanted["masks"] = {"camera": camera}
-        for stage, parameters in wanted.items():
-            try:
-                found[stage] = find_stage(self.dataset, stage, **parameters)
-            except AnnotateError as error:
-                if "several" in str(error):
-                    raise TrainError(f"{error} or delete all but one") from error
-                command = self._annotate(stage) + (" --mask-source sim" if stage == "masks" else "")
-                raise TrainError(
-                    f"{self.dataset} has no annotations {stage}; run: {command}"
-                ) from error
-        return found
-
-    def _annotate(self, stage: str) -> str:
-        """The command that makes a stage's annotations."""
-        model, data = self.config.model, self.config.data
-        options = (
-            f"--stages {'masks,features' if stage == 'features' else stage} --cameras"
-            f" {data.cameras[0]}"
-        )
-        if stage == "flow":
-            size = f"{data.flow_size[1]}x{data.flow_size[0]}"
-            options += (
-                f" --flow-stride {model.stride} --flow-size {size} --flow-source {data.flow_source}"
-            )
-        return f"domino-data annotate {self.dataset} {options}"
-
-    @cached_property
     def digest(self) -> str:
         """Hash of what is read: the tables of the export, the sizes of its files, the checksums of
         the annotations."""
-        headers: dict[str, list[str]] = {}
-        for stage, directory in self.directories.items():
-            headers[stage] = [
-                self._header(stage, annotation_path(self.dataset, directory, row.path))
-                for row in self.rows
-            ]
         files = [[f.name, f.stat().st_size] for f in self.files]
         return digest(
             {
                 "rows": [[r.source, r.length, r.physics_id] for r in self.rows],
                 "files": files,
-                "annotations": headers,
+                "annotations": self.annotations.checksums([row.path for row in self.rows]),
             }
         )
-
-    def _header(self, stage: str, path: Path) -> str:
-        try:
-            return entry_header(path)[1]
-        except (FileNotFoundError, CorruptAnnotation) as error:
-            raise TrainError(
-                f"{path}: is missing or damaged; run: {self._annotate(stage)}"
-            ) from error
 
     def __iter__(self) -> Iterator[Shard]:
         for row in self.rows:
@@ -265,22 +206,12 @@ class Shards:
             for camera, column in self.columns.items()
         }
         frames = frames_digest(images[self.config.data.cameras[0]])
-        annotations: dict[str, Mapping[str, NDArray[Any]]] = {}
-        for stage, directory in self.directories.items():
-            path = annotation_path(self.dataset, directory, row.path)
-            try:
-                entry = read_entry(path)
-            except (FileNotFoundError, CorruptAnnotation) as error:
-                raise TrainError(
-                    f"{path}: is missing or damaged; run: {self._annotate(stage)}"
-                ) from error
-            made_from = entry.attributes.get("inputs", {}).get("frames", frames)
-            if made_from != frames or any(len(a) != table.num_rows for a in entry.arrays.values()):
-                raise TrainError(
-                    f"{path}: was made from other images; run: {self._annotate(stage)}"
-                )
-            found = _of_target(entry.arrays, entry.attributes, row.target)
-            annotations[stage] = {name: array[: row.length] for name, array in found.items()}
+        annotations = {
+            stage: {name: array[: row.length] for name, array in arrays.items()}
+            for stage, arrays in self.annotations.read(
+                row.path, row.target, table.num_rows, frames
+            ).items()
+        }
         images = {camera: held[: row.length] for camera, held in images.items()}
         table = table.slice(0, row.length)
         values = {
@@ -344,23 +275,6 @@ def _count(file: Path) -> int:
 def _group(file: Path, number: int, columns: Sequence[str]) -> pa.Table:
     with pq.ParquetFile(file) as source:
         return source.read_row_group(number, columns=list(columns))
-
-
-def _of_target(
-    arrays: Mapping[str, NDArray[Any]], attributes: Mapping[str, Any], target: str
-) -> dict[str, NDArray[Any]]:
-    """Arrays (T, ...); those by object only of the target. Where no object is named like it, the
-    first one."""
-    objects = attributes.get("objects")
-    if objects is None:
-        return dict(arrays)
-    k = int(
-        attributes.get("roles", {}).get("target", objects.index(target) if target in objects else 0)
-    )
-    out = {key: value[:, k] for key, value in arrays.items() if key in ("box", "valid", "feature")}
-    if "height" in attributes:
-        out["size"] = np.repeat([[attributes["width"], attributes["height"]]], len(out["valid"]), 0)
-    return out
 
 
 def _short(error: Exception) -> str:
