@@ -42,10 +42,11 @@ from pipeline.evaluate.scenes.case import blind
 from pipeline.evaluate.scenes.manifests import inline
 from pipeline.run.evaluation import evaluation_version
 from pipeline.run.identity.core import code_version
-from training.ladder.climb import Ladder, evaluation, train_missing
+from training.ladder.climb import Ladder, evaluation
 from training.ladder.demonstrations import Demonstration, make_demonstrations
 from training.ladder.network import Settings
 from training.ladder.policy import LadderForm
+from training.ladder.training import train_missing
 
 SETTINGS = Settings(inputs="velocity", chunk=8, steps=4000)
 EXECUTE, FPS = 4, 15

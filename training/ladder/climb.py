@@ -1,15 +1,11 @@
 """The whole ladder: demonstrations, networks, their evaluation, and a table."""
 
-import hashlib
 import itertools
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from pipeline.data.atomic import write_atomic
 from pipeline.data.dataset import Dataset
 from pipeline.data.errors import check_directory
 from pipeline.data.recipe.model import Recipe
@@ -27,9 +23,9 @@ from training.ladder.image_rungs import IMAGE_RUNGS, ImageTraining, image_policy
 from training.ladder.lerobot_states import LEROBOT_STATES, WORDS, keep_settings, state_dataset
 from training.ladder.network import Settings
 from training.ladder.policy import LadderForm
-from training.ladder.samples import LadderError, samples, weights
+from training.ladder.samples import LadderError
 from training.ladder.tables import RESULTS, LadderResult, Tried, summary, write_results
-from training.ladder.training import train
+from training.ladder.training import train_missing
 
 
 @dataclass(frozen=True)
@@ -263,29 +259,6 @@ def _correcting(recipe: Recipe, policy: PolicyName, number: int) -> Recipe:
     there are demonstrations, in the scenes of the seed plus `number`."""
     corrections = Corrections(policy=policy.text, label=policy.label)
     return recipe.model_copy(update={"seed": recipe.seed + number, "corrections": corrections})
-
-
-def train_missing(
-    shown: Sequence[Demonstration], settings: Settings, where: Path, weight: float = 1.0
-) -> Path:
-    """The file of a trained network, trained if it is not there: its name carries a hash of
-    settings, demonstrations and the weight of corrections."""
-    digest, drawn = (
-        hashlib.sha256(repr(asdict(settings)).encode()),
-        weights(shown, settings, weight),
-    )
-    if any(d.corrected for d in shown):
-        digest.update(repr([weight, *(d.corrected for d in shown)]).encode())
-    for d in shown:
-        for values in (d.joints, d.actions, d.poses, d.points):
-            digest.update(np.ascontiguousarray(values).tobytes())
-    path = (
-        where / f"{settings.inputs}_{settings.actions}_c{settings.chunk}_s{settings.seed}"
-        f"_{digest.hexdigest()[:8]}.npz"
-    )
-    if not path.exists():
-        write_atomic(path, train(*samples(shown, settings), settings, drawn).to_bytes())
-    return path
 
 
 def evaluation(ladder: Ladder, task: str, policy: PolicyName, setup: Setup) -> Evaluation:

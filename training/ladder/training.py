@@ -1,9 +1,18 @@
 """Trains a network of the ladder with torch."""
 
+import hashlib
+from collections.abc import Sequence
+from dataclasses import asdict
 from itertools import pairwise
+from pathlib import Path
 
+import numpy as np
+
+from pipeline.data.atomic import write_atomic
 from pipeline.poses import Floats
+from training.ladder.demonstrations import Demonstration
 from training.ladder.network import Network, Settings, scale, scaled
+from training.ladder.samples import samples, weights
 
 OTHERS, CHOICE = 0.05, 0.1
 """Weights in the loss: of the answers that are not the best, which keeps all of them alive; of
@@ -61,3 +70,26 @@ def train(x: Floats, y: Floats, settings: Settings, weights: Floats | None = Non
         for a in linear
     )
     return Network(settings, layers, x_scale, y_scale)
+
+
+def train_missing(
+    shown: Sequence[Demonstration], settings: Settings, where: Path, weight: float = 1.0
+) -> Path:
+    """The file of a trained network, trained if it is not there: its name carries a hash of
+    settings, demonstrations and the weight of corrections."""
+    digest, drawn = (
+        hashlib.sha256(repr(asdict(settings)).encode()),
+        weights(shown, settings, weight),
+    )
+    if any(d.corrected for d in shown):
+        digest.update(repr([weight, *(d.corrected for d in shown)]).encode())
+    for d in shown:
+        for values in (d.joints, d.actions, d.poses, d.points):
+            digest.update(np.ascontiguousarray(values).tobytes())
+    path = (
+        where / f"{settings.inputs}_{settings.actions}_c{settings.chunk}_s{settings.seed}"
+        f"_{digest.hexdigest()[:8]}.npz"
+    )
+    if not path.exists():
+        write_atomic(path, train(*samples(shown, settings), settings, drawn).to_bytes())
+    return path
