@@ -29,7 +29,7 @@ from pipeline.tasks.layout import (
     families_of,
     goals_of,
 )
-from pipeline.world.cameras import check_links
+from pipeline.world.cameras import CameraError, check_links
 from pipeline.world.objects.contract import FAMILIES, stands_for
 from pipeline.world.robots import MODELS as ROBOTS
 from pipeline.world.robots import UnknownEmbodiment, get_embodiment
@@ -54,9 +54,10 @@ def resolve(
     check_known("task", tasks, TASKS, f"{source}: ")
     try:
         embodiments = tuple(dict.fromkeys(get_embodiment(e).name for e in recipe.embodiments))
-    except UnknownEmbodiment as error:
+        recipe = recipe.model_copy(update={"tasks": tasks, "embodiments": embodiments})
+        _check_links(recipe)
+    except (UnknownEmbodiment, CameraError) as error:
         raise RecipeError(f"{source}: {error}") from error
-    recipe = recipe.model_copy(update={"tasks": tasks, "embodiments": embodiments})
     for task in tasks:
         check_task(TASKS[task])
     _check_motions(recipe, where)
@@ -69,7 +70,6 @@ def resolve(
                 " tasks out, or use two arms"
             )
     check_size(recipe, source)
-    _check_links(recipe)
     recipe = with_originals(recipe)
     objects = _check_objects(recipe, where("objects"))
     _check_reactive(recipe, where)

@@ -71,5 +71,5 @@ def check_links(cameras: Sequence[Camera], bodies: Sequence[str]) -> None:
     """Raise CameraError for a camera on a missing link."""
     for camera in cameras:
         if camera.link is not None and camera.link not in bodies:
-            where = f"camera {camera.name} is mounted on {camera.link!r}"
-            raise CameraError(f"{where}: the bodies are {', '.join(bodies)}")
+            known = ", ".join(bodies)
+            raise CameraError(f"camera {camera.name} is on {camera.link!r}: bodies are {known}")

@@ -50,7 +50,7 @@ def test_cameras_that_cannot_be_had_are_named():
         match="no camera right to draw from: there are head_camera, left_camera, observer_camera",
     ):
         wanted_cameras(mounted[:2], Setup(cameras=("head", "right")))
-    with pytest.raises(CameraError, match="left_camera is mounted on 'left_link6'"):
+    with pytest.raises(CameraError, match="left_camera is on 'left_link6'"):
         check_links(mounted, ("bell", "right_link6"))
     check_links(mounted[:1], ())
 
