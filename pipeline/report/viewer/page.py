@@ -197,9 +197,9 @@ def _is_local(host: str | None, origin: str | None) -> bool:
 
 
 class _Server(ThreadingHTTPServer):
-    """A server with bounded threads that tolerates leaving clients."""
+    """Bounded threads; clients may leave."""
 
-    daemon_threads = True
+    daemon_threads, request_queue_size = True, 128
 
     def __init__(self, *given: Any) -> None:
         self._free = BoundedSemaphore(CONNECTIONS)
