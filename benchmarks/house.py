@@ -190,5 +190,7 @@ if __name__ == "__main__":
             print_table()
         case [verb, folder] if verb in VERBS:
             print(*follow(verb, Path(folder)))
-        case [out]:
+        case [out] if out.endswith(".png"):
             draw(Path(out))
+        case _:
+            print(__doc__)

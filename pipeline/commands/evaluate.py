@@ -203,6 +203,8 @@ def evaluate(
         evaluation = replace(evaluation, benchmark=frozen, cells=cells)
     others = [parse_clock(text) for text in clocks[1:]]
     tried = [evaluation.clock, *others]
+    if len({*tried}) < len(tried):
+        raise UsageError(f"--clock {clock} names a clock twice")
     scripted = is_ours(policy) and getattr(POLICIES[policy.partition(":")[0]], "scripted", False)
     if scripted and (late := [one.name for one in tried if one.join]):
         why = f"--policy {policy} cannot overlap its chunks"

@@ -57,6 +57,10 @@ class Crew:
             )
         if self.runtime_env and self.address is None:
             raise CrewError("a runtime environment is for a cluster: name it with --address")
+        if self.executor not in ("inline", "ray") or self.workers < 1:
+            raise CrewError(
+                f"{self.workers} {self.executor!r} workers: use inline or ray, 1 or more"
+            )
 
 
 @dataclass(frozen=True)

@@ -32,7 +32,8 @@ def test_a_terminal_is_served_until_ctrl_c(root):
     hidden = ("CI", "DISPLAY", "WAYLAND_DISPLAY")
     environment = {k: v for k, v in os.environ.items() if k not in hidden}
     process = subprocess.Popen(
-        [COMMAND, "view", root],
+        # a shell makes what it starts in the background ignore SIGINT
+        ["env", "--default-signal=INT", COMMAND, "view", root],
         **dict.fromkeys(("stdin", "stdout", "stderr"), theirs),
         env=environment | {"PYTHONPATH": str(ROOT)},
     )

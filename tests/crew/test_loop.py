@@ -78,6 +78,12 @@ def test_one_worker_is_inline_unless_ray_is_asked_for():
     assert pick_executor("ray", 1) == ("ray", 1)
 
 
+@pytest.mark.parametrize(("executor", "workers"), [("dask", 1), ("ray", 0), ("auto", 1)])
+def test_a_crew_of_an_unknown_kind_or_of_nobody_is_refused(executor: str, workers: int):
+    with pytest.raises(CrewError):
+        Crew(executor, workers)
+
+
 class Unlucky:
     """Workers that end as a script says: one reason for each end, "" for done."""
 

@@ -284,6 +284,7 @@ def test_stopped_and_gone_on_with_gives_what_an_undisturbed_run_gives(
         (("--policy", "pi7"), "pi7"),
         (("--policy", "replay", "--clock", "sundial"), "sundial"),
         (("--policy", "replay", "--clock", "paused,async:100"), "--clock async:100"),
+        (("--policy", "replay", "--clock", "paused,sim"), "names a clock twice"),
         (("--policy", "reactive:cue=2"), "cue=2: give 0 or 1"),
         (("--policy", "replay", "--tasks", "fly"), "fly"),
         (("--policy", "replay", "--cameras", "third_eye"), "third_eye"),

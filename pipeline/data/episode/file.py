@@ -230,7 +230,7 @@ class EpisodeFile(AbstractContextManager["EpisodeFile"]):
     def contents(self) -> dict[str, str]:
         """The hash of every dataset by name, and of the attributes under HEADER."""
         with self._reading("its content cannot be read"):
-            return content_hashes(self._file, lambda dataset: self.array(str(dataset.name)))
+            return content_hashes(self._file, lambda dataset: self.array(str(dataset.name)[1:]))
 
     def read(self) -> Episode:
         """The episode without its images."""

@@ -20,13 +20,11 @@ class EpisodeError(DominoError):
 
 def encode_frames(rgb: Pixels) -> NDArray[np.bytes_]:
     """Frames (T,H,W,3) RGB as JPEG bytes (T,), padded with zeros to one length."""
-    quality, coded = [cv2.IMWRITE_JPEG_QUALITY, QUALITY], list[bytes]()
-    for k, frame in enumerate(rgb):
-        if k and np.array_equal(frame, rgb[k - 1]):  # of a still hand
-            coded.append(coded[-1])
-            continue
-        bgr = cv2.cvtColor(frame, cv2.COLOR_RGB2BGR)
-        coded.append(cv2.imencode(".jpg", bgr, quality)[1].tobytes())
+    quality = [cv2.IMWRITE_JPEG_QUALITY, QUALITY]
+    coded = [
+        cv2.imencode(".jpg", cv2.cvtColor(frame, cv2.COLOR_RGB2BGR), quality)[1].tobytes()
+        for frame in rgb
+    ]
     return np.array(coded, dtype=f"S{max(map(len, coded))}")
 
 

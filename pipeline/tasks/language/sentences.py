@@ -127,8 +127,7 @@ def _true(template: str, arms: Mapping[str, str], moving: bool) -> bool:
 
 @dataclass(frozen=True)
 class _Template:
-    """A template without choices, the sides of its arms, and descriptions of its `bodies` that may
-    fill it."""
+    """A template without choices, and what may fill its arms and `bodies`."""
 
     text: str
     arms: Mapping[str, str]
@@ -175,12 +174,11 @@ def _fillings(template: str, words: Mapping[str, Sequence[str]], wording: Wordin
     return replace(made, filled=light or filled)
 
 
-@lru_cache(maxsize=256)
+@lru_cache(maxsize=32)
 def _combined(
     options: tuple[tuple[str, ...], ...],
 ) -> tuple[list[tuple[str, ...]], list[tuple[bool, ...]]]:
-    """One of the descriptions of each body, apart in their nouns if they can be; crowded or not by
-    which of them have a "with". Templates of a scene share most of them."""
+    """Descriptions of each body, apart in their nouns if possible, and which have a "with"."""
     filled = list(product(*options))
     apart = [f for f in filled if not any(nouns(a) & nouns(b) for a, b in combinations(f, 2))]
     filled = apart or [f for f in filled if len(set(f)) == len(f)] or filled

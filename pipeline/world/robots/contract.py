@@ -217,5 +217,5 @@ def _numbers(arm: Arm) -> Iterator[str]:
 
 
 def _missing(field: str, name: str, what: str, existing: Iterable[str]) -> str:
-    fix = f"use one of {', '.join(existing)}, or add it"
+    fix = f"use one of {', '.join(existing)}"
     return f"{field} names {name!r}, which is missing from {what}: {fix}"
