@@ -191,6 +191,9 @@ class Model(ConfigPart):
     modes: Annotated[int, Field(ge=1, le=16)] = 1
     """Chunks among which the policy chooses. With one, demonstrations that do the same in different
     ways, such as a wrist turned to either side, teach what lies between them."""
+    members: Annotated[int, Field(ge=1, le=16)] = 1
+    """Perceptrons that learn beside each other from the same frames. The mean of their actions is
+    executed."""
     offsets: bool = False
     """Whether actions of arms are predicted as differences from the joints measured now."""
     oracle: bool = False
@@ -203,6 +206,10 @@ class Model(ConfigPart):
             raise ValueError("a perceptron reads no images: set model.track or model.state")
         if self.backbone.kind == "perceptron" and self.world != "none":
             raise ValueError("a perceptron predicts actions alone: set model.world to none")
+        if self.members > 1 and (self.looks or self.modes > 1):
+            raise ValueError(
+                "members are perceptrons with one chunk each: set model.members or model.modes to 1"
+            )
         if self.track and self.track.words and self.backbone.kind != "perceptron":
             raise ValueError("model.track.words are read beside a perceptron: set it to 0")
         if self.arms and self.track is None:

@@ -30,6 +30,17 @@ class ActionHead(nn.Sequential):
         )
 
 
+class ActionHeads(nn.ModuleList):
+    """(..., H) -> (..., M A): an action head for each of M shares of the width."""
+
+    def __init__(self, hidden: int, actions: int, members: int) -> None:
+        super().__init__(ActionHead(hidden // members, actions) for _ in range(members))
+
+    def forward(self, hidden: Tensor) -> Tensor:
+        shares = zip(self, hidden.chunk(len(self), -1), strict=True)
+        return torch.cat([head(share) for head, share in shares], -1)
+
+
 class WorldHead(nn.Sequential):
     """(..., H) -> (..., D)."""
 

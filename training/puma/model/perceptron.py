@@ -3,6 +3,7 @@ on a processor."""
 
 from itertools import pairwise
 
+import torch
 from torch import Tensor, nn
 
 from training.puma.config import Config
@@ -23,3 +24,16 @@ class PerceptronBackbone(nn.Module):
     def forward(self, inputs: Inputs, extras: Tensor, queries: Tensor) -> Tensor:
         """Hidden states (B,Q,width) at queries (Q,width); `extras` (B,E,width)."""
         return self.body(extras.flatten(1)).unflatten(1, queries.shape) + queries
+
+
+class PerceptronMembers(nn.ModuleList):
+    """Perceptrons beside each other. Each reads its own share of the further inputs' width."""
+
+    def __init__(self, config: Config, extras: int) -> None:
+        super().__init__(PerceptronBackbone(config, extras) for _ in range(config.model.members))
+        self.width = len(self) * config.model.backbone.width
+
+    def forward(self, inputs: Inputs, extras: Tensor, queries: Tensor) -> Tensor:
+        """Hidden states (B,Q,width); `extras` (B,E,width), `queries` (Q,width)."""
+        shares = zip(self, extras.chunk(len(self), -1), queries.chunk(len(self), -1), strict=True)
+        return torch.cat([member(inputs, *share) for member, *share in shares], -1)

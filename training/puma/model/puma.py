@@ -11,6 +11,7 @@ from training.puma.config import Config
 from training.puma.model.finder import FinderNet
 from training.puma.model.heads import (
     ActionHead,
+    ActionHeads,
     WorldHead,
     action_loss,
     box_loss,
@@ -19,7 +20,7 @@ from training.puma.model.heads import (
 )
 from training.puma.model.inputs import Inputs
 from training.puma.model.oracle import Oracle, oracle_size
-from training.puma.model.perceptron import PerceptronBackbone
+from training.puma.model.perceptron import PerceptronBackbone, PerceptronMembers
 from training.puma.model.text import HashedWords, Tokenizer
 from training.puma.model.tiny import TinyBackbone
 from training.puma.track import CHOICES, aim_numbers, track_numbers
@@ -42,7 +43,7 @@ class Outputs:
     `choice` (B,CHOICES) and `touched` (B,) likewise.
 
     Where the policy chooses among M chunks: `chunks` (B,M,K,A) and `scores` (B,M); `actions` are
-    those with the highest score."""
+    those with the highest score. Where it has M members: their `chunks`; `actions` are the mean."""
 
     actions: Tensor
     world: Tensor | None
@@ -124,7 +125,11 @@ class Puma(nn.Module):
         self.extra = nn.ModuleDict(
             {name: nn.Linear(n, width) for name, n in extra_sizes(config, sizes).items()}
         )
-        self.action_head = ActionHead(width, model.modes * sizes.joints)
+        self.action_head = (
+            ActionHead(width, model.modes * sizes.joints)
+            if model.members == 1
+            else ActionHeads(width, sizes.joints, model.members)
+        )
         self.mode_head = nn.Linear(width, model.modes) if model.modes > 1 else None
         self.world_head = WorldHead(width, sizes.world) if model.world != "none" else None
         self.oracle = Oracle(width, oracle_size(model.chunk)) if model.oracle else None
@@ -177,9 +182,11 @@ class Puma(nn.Module):
                 None if self.world_head is None else self.world_head(before),
                 self.action_head(last),
             )
-            if self.mode_head is None:
+            if actions.shape[-1] == self.sizes.joints:
                 return Outputs(actions, world, choice, touched=touched)
             chunks = actions.unflatten(-1, (-1, self.sizes.joints)).transpose(1, 2)
+            if self.mode_head is None:
+                return Outputs(chunks.mean(1), world, choice, chunks, touched=touched)
             scores = self.mode_head(last.mean(1))
             best = chunks[torch.arange(len(chunks)), scores.argmax(1)]
             return Outputs(best, world, choice, chunks, scores, touched)
@@ -202,14 +209,15 @@ class Puma(nn.Module):
         """`action`, `mode` where several chunks are predicted, `world` where it is, and their
         weighted sum `loss`."""
         over = self.config.train.action_loss
-        if outputs.chunks is None or outputs.scores is None:
-            found = {
-                "action": action_loss(outputs.actions, targets.action, targets.action_valid, over)
-            }
+        chunks = outputs.actions[:, None] if outputs.chunks is None else outputs.chunks
+        if outputs.scores is None:
+            # members learn by themselves: only then do their errors differ, and the mean has less
+            wanted, valid = targets.action[:, None], targets.action_valid[:, None]
+            found = {"action": action_loss(chunks, wanted, valid.expand(chunks.shape[:3]), over)}
             found["loss"] = found["action"]
         else:
             action, mode = mode_loss(
-                outputs.chunks, outputs.scores, targets.action, targets.action_valid, over
+                chunks, outputs.scores, targets.action, targets.action_valid, over
             )
             found = {"action": action, "mode": mode, "loss": action + mode}
         if (
@@ -260,7 +268,8 @@ def build_model(config: Config, sizes: Sizes, trained: bool = False) -> Puma:
     if kind == "perceptron":
         pieces = config.model.track is not None and config.model.track.words > 0
         words = HashedWords(size, pieces=pieces)
-        return Puma(config, sizes, PerceptronBackbone(config, extras), words)
+        backbone = PerceptronBackbone if config.model.members == 1 else PerceptronMembers
+        return Puma(config, sizes, backbone(config, extras), words)
     from training.puma.model.qwen import build_qwen
 
     backbone, words = build_qwen(config, trained)

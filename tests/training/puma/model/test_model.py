@@ -295,6 +295,35 @@ def test_the_chunk_with_the_highest_score_is_the_answer(tmp_path: Path):
     assert {"action", "mode", "loss"} == set(network.losses(found, targets(4)))
 
 
+def test_members_learn_alone_and_act_together(tmp_path: Path):
+    backbone = {"kind": "perceptron", "weights": "random", "width": 16, "layers": 1}
+    config = config_of(
+        tmp_path, tmp_path, backbone=backbone, world="none", history="none", members=3
+    )
+    torch.manual_seed(0)
+    network = build_model(config, SIZES)
+    found = network(inputs(4))
+    assert found.scores is None and found.chunks is not None
+    assert found.chunks.shape == (4, 3, 6, 14)
+    assert torch.allclose(found.actions, found.chunks.mean(1))
+    assert not torch.allclose(found.chunks[:, 0], found.chunks[:, 1])
+    wanted = targets(4)
+    apart = [
+        action_loss(chunk, wanted.action, wanted.action_valid) for chunk in found.chunks.unbind(1)
+    ]
+    loss = network.losses(found, wanted)["loss"]
+    assert float(loss.detach()) == pytest.approx(float(sum(apart).detach()) / 3)
+    # what one member is wrong about moves no weight of another
+    apart[0].backward()
+    for name, weight in network.named_parameters():
+        if name.startswith(("backbone.1.", "backbone.2.", "action_head.1.", "action_head.2.")):
+            assert weight.grad is not None and not weight.grad.any()
+        elif name.startswith(("extra.", "queries")):
+            assert weight.grad is not None
+            grad = weight.grad if name == "queries" else weight.grad.movedim(0, -1)
+            assert grad[..., :16].any() and not grad[..., 16:].any()
+
+
 def test_adapters_are_what_is_trained_of_the_backbone(tmp_path: Path):
     backbone = {
         "kind": "qwen3-vl",
