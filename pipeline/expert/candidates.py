@@ -50,7 +50,7 @@ class Candidates:
 
 
 def backed_off(tcp: Pose, distance: float) -> Pose:
-    """The tcp pose drawn back along its approach axis by `distance` m."""
+    """Tcp poses (...,7) drawn back along their approach axes by `distance` m."""
     return compose(tcp, pose((-distance, 0, 0)))
 
 
@@ -76,11 +76,10 @@ def find_candidates(
     """Rank the grasps that fit. Raises PlanFailure: no_grasp, grasp_unreachable."""
     grasps, local, opening = _fitting(arm, name, annotated, options)
     tcp = compose(body[None], local)
-    q, ok = arm.solve(np.stack([backed_off(t, options.standoff) for t in tcp]))
+    q, ok = arm.solve(backed_off(tcp, options.standoff))
     if short := np.flatnonzero(~ok).tolist():
-        q[short], ok[short] = arm.solve(
-            np.stack([backed_off(tcp[i], GRASP.short_share * options.standoff) for i in short])
-        )
+        near = backed_off(tcp[short], GRASP.short_share * options.standoff)
+        q[short], ok[short] = arm.solve(near)
     x_axis = quat_rotate(tcp[:, 3:], np.array([1.0, 0.0, 0.0]))
     pitch = np.arcsin(np.clip(-x_axis[:, 2], -1, 1))
     ok &= pitch < options.steepest + 1e-6
@@ -99,7 +98,7 @@ def find_candidates(
 
 
 def leading_grasps(arm: ArmPlanner, name: str, annotated: Sequence[Grasp], goals: Goals) -> Floats:
-    """Tcp poses (N,7) in the body frame that reach every one of `goals`."""
+    """Tcp poses (N,7) in the body frame that reach all `goals`."""
     local = _fitting(arm, name, annotated, GraspOptions())[1]
     ok = np.ones(len(local), bool)
     for goal in goals:
@@ -118,8 +117,8 @@ def _fitting(
     if not grasps:
         why = f"{name} offers no grasp of kind {kinds} under {opening:.3f} m"
         raise PlanFailure("no_grasp", why)
-    tcps = np.stack([p for g in grasps for p in (g.pose, compose(g.pose, _ROLLED))])
-    return grasps, tcps, opening
+    poses = np.stack([g.pose for g in grasps])
+    return grasps, np.hstack([poses, compose(poses, _ROLLED)]).reshape(-1, 7), opening
 
 
 def _reaches_one(arm: ArmPlanner, local: Floats, bodies: Floats, alive: Bools) -> Bools:

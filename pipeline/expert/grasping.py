@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import cache, partial
 from itertools import chain
 
 import numpy as np
@@ -53,7 +54,7 @@ class GraspChoice:
     name: str
     pieces: tuple[Collider, ...]
     found: Candidates
-    checks: dict[float, _Checks]
+    checks: Callable[[float], _Checks]
     goals: Goals
     parts: Callable[[Floats, float], bool]
 
@@ -74,7 +75,7 @@ class GraspChoice:
     def free(self, i: int, line: Floats, jaws: float) -> bool:
         """Whether the jaws are wide enough and the hand touches nothing from the standoff on."""
         room = jaws * (self.found.opening + GRASP.spare_opening) - GRASP.spare_opening
-        checks = self.checks[jaws]
+        checks = self.checks(jaws)
         return (
             self.found.grasps[i // 2].width <= room
             and checks.closing(line)
@@ -87,7 +88,7 @@ class GraspChoice:
 
     def leads_on(self, i: int, line: Floats, jaws: float) -> bool:
         """Whether the line of candidate i is free and leads to every goal."""
-        passing, risen = self.checks[jaws].passing, self.risen(i, line)
+        passing, risen = self.checks(jaws).passing, self.risen(i, line)
         if risen is None or not passing(line) or not passing(risen):
             return False
         held = Carried(self.arm.side, self.pieces, inverse(self.found.local[i]))
@@ -123,7 +124,7 @@ def search_of(
     touched = [name] if options.leading or name in arm.scene.obstacles else []
     near = [(arm.side, "table"), *((f"{arm.side}_fingers", other) for other in touched)]
     hands = MARGINS.hands if name in arm.scene.carried else MARGINS.arms
-    checks = {jaws: _checks(arm, near, jaws, hands) for jaws in GRASP.openings}
+    checks = cache(partial(_checks, arm, near, hands))
     return GraspChoice(
         arm, name, actor.collision(name), found, checks, options.goals, _parting(arm, name)
     )
@@ -179,7 +180,7 @@ def _plan(actor: Actor, arm: ArmPlanner, name: str, body: Pose, options: GraspOp
     for i, line, jaws in chain(preferred(), () if options.leading else spare):
         tries -= 1
         try:
-            to_standoff = arm.free_trajectory(found.q[i], search.checks[jaws].standing)
+            to_standoff = arm.free_trajectory(found.q[i], search.checks(jaws).standing)
         except PlanFailure:
             if tries <= 0:
                 break
@@ -192,8 +193,8 @@ def _plan(actor: Actor, arm: ArmPlanner, name: str, body: Pose, options: GraspOp
     raise PlanFailure("grasp_blocked" if lines else "grasp_unreachable", why)
 
 
-def _checks(arm: ArmPlanner, near: Sequence[tuple[str, str]], jaws: float, hands: float) -> _Checks:
-    """`near` pairs need no room; `hands` (m) is the gap between two hands."""
+def _checks(arm: ArmPlanner, near: Sequence[tuple[str, str]], hands: float, jaws: float) -> _Checks:
+    """`near` pairs need no room; `hands` (m) is the gap of two hands."""
     return _Checks(
         closing=arm.checker(jaws=jaws, margin=MARGINS.contact, hands=hands),
         standing=arm.checker(jaws=jaws),

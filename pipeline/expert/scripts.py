@@ -66,7 +66,7 @@ def place_or_regrasp(
     above: float = PLACE.above,
     opening: float | None = None,
 ) -> Skill:
-    """Like `place`; if that fails, the body is set down and grasped again, once."""
+    """Like `place`; if it fails, the body is set down and grasped again, once."""
     placing = place(side, point, onto, yaws=yaws, above=above, opening=opening)
 
     def act(a: Actor) -> Steps:
@@ -107,9 +107,9 @@ def find_seats(a: Actor, side: str, name: str, goals: Goals) -> Floats:
     except PlanFailure:
         return np.zeros((0, 7))
     seats = _free_places(a, side, name)
-    counts = np.minimum(
-        _reached(arm, seats, into) * (len(out) if held else 1), _reached(arm, seats, out)
-    )
+    counts = _reached(arm, seats, into) * (len(out) if held else 1)
+    near = counts > 0
+    counts[near] = np.minimum(counts[near], _reached(arm, seats[near], out))
     chosen = list[Pose]()
     for k in np.argsort(-counts, kind="stable")[: SEAT.tries]:
         if counts[k] == 0 or len(chosen) == SEAT.wanted:
@@ -125,7 +125,7 @@ def find_seats(a: Actor, side: str, name: str, goals: Goals) -> Floats:
 
 
 def _at_hand(a: Actor, arm: ArmPlanner, name: str) -> Floats:
-    """Tcp poses (N,7), in the body frame, that can grasp it as it is."""
+    """Tcp poses (N,7), in the body frame, that can grasp it."""
     found = search_of(a, arm, name, a.pose(name), GraspOptions()).found
     return found.local[found.order]
 
@@ -146,5 +146,5 @@ def _free_places(a: Actor, side: str, name: str) -> Floats:
 def _reached(arm: ArmPlanner, bodies: Floats, local: Floats) -> Ints:
     """How many of the tcp poses `local` are in reach for each body pose (B,7)."""
     some = local[:: max(1, len(local) // SEAT.grasps)]
-    counts = [int(arm.solve(compose(body[None], some))[1].sum()) for body in bodies]
-    return np.array(counts, np.int64)
+    tcp = compose(bodies[:, None], some)
+    return arm.solve(tcp.reshape(-1, 7))[1].reshape(tcp.shape[:2]).sum(1)
