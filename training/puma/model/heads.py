@@ -30,6 +30,12 @@ class ActionHead(nn.Sequential):
         )
 
 
+def shares(values: Tensor, count: int) -> list[Tensor]:
+    """The last dimension of values (...,H), cut into `count` equal parts."""
+    parts = values.unflatten(-1, (count, -1))
+    return [parts[..., k, :] for k in range(count)]
+
+
 class ActionHeads(nn.ModuleList):
     """(..., H) -> (..., M A): an action head for each of M shares of the width."""
 
@@ -37,8 +43,8 @@ class ActionHeads(nn.ModuleList):
         super().__init__(ActionHead(hidden // members, actions) for _ in range(members))
 
     def forward(self, hidden: Tensor) -> Tensor:
-        shares = zip(self, hidden.chunk(len(self), -1), strict=True)
-        return torch.cat([head(share) for head, share in shares], -1)
+        each = zip(self, shares(hidden, len(self)), strict=True)
+        return torch.cat([head(read) for head, read in each], -1)
 
 
 class WorldHead(nn.Sequential):

@@ -7,6 +7,7 @@ import torch
 from torch import Tensor, nn
 
 from training.puma.config import Config
+from training.puma.model.heads import shares
 from training.puma.model.inputs import Inputs
 
 
@@ -15,11 +16,8 @@ class PerceptronBackbone(nn.Module):
 
     def __init__(self, config: Config, extras: int) -> None:
         super().__init__()
-        settings, queries = config.model.backbone, config.model.queries
-        self.width = settings.width
-        sizes = [extras * self.width, *[4 * self.width] * settings.layers]
-        layers = [layer for a, b in pairwise(sizes) for layer in (nn.ReLU(), nn.Linear(a, b))]
-        self.body = nn.Sequential(*layers, nn.ReLU(), nn.Linear(sizes[-1], queries * self.width))
+        self.width = config.model.backbone.width
+        self.body = _body(config, extras)
 
     def forward(self, inputs: Inputs, extras: Tensor, queries: Tensor) -> Tensor:
         """Hidden states (B,Q,width) at queries (Q,width); `extras` (B,E,width)."""
@@ -27,13 +25,23 @@ class PerceptronBackbone(nn.Module):
 
 
 class PerceptronMembers(nn.ModuleList):
-    """Perceptrons beside each other. Each reads its own share of the further inputs' width."""
+    """Perceptrons beside each other, each of which reads its own share of the width."""
 
     def __init__(self, config: Config, extras: int) -> None:
-        super().__init__(PerceptronBackbone(config, extras) for _ in range(config.model.members))
-        self.width = len(self) * config.model.backbone.width
+        members = config.model.members
+        super().__init__(_body(config, extras) for _ in range(members))
+        self.width = members * config.model.backbone.width
 
     def forward(self, inputs: Inputs, extras: Tensor, queries: Tensor) -> Tensor:
-        """Hidden states (B,Q,width); `extras` (B,E,width), `queries` (Q,width)."""
-        shares = zip(self, extras.chunk(len(self), -1), queries.chunk(len(self), -1), strict=True)
-        return torch.cat([member(inputs, *share) for member, *share in shares], -1)
+        """As PerceptronBackbone."""
+        each = zip(self, shares(extras, len(self)), strict=True)
+        hidden = [body(read.flatten(1)).unflatten(1, (len(queries), -1)) for body, read in each]
+        return torch.cat(hidden, -1) + queries
+
+
+def _body(config: Config, extras: int) -> nn.Sequential:
+    settings = config.model.backbone
+    sizes = [extras * settings.width, *[4 * settings.width] * settings.layers]
+    layers = [layer for a, b in pairwise(sizes) for layer in (nn.ReLU(), nn.Linear(a, b))]
+    last = nn.Linear(sizes[-1], config.model.queries * settings.width)
+    return nn.Sequential(*layers, nn.ReLU(), last)

@@ -16,6 +16,7 @@ from training.puma.model.oracle import oracle_numbers, oracle_size
 from training.puma.model.puma import Puma, Sizes, Targets, build_model
 from training.puma.model.text import PADDING, HashedWords
 from training.puma.model_keys import Lora
+from training.puma.processes.flops import forward_flops
 
 SIZES = Sizes(14, 32)
 
@@ -313,6 +314,11 @@ def test_members_learn_alone_and_act_together(tmp_path: Path):
     ]
     loss = network.losses(found, wanted)["loss"]
     assert float(loss.detach()) == pytest.approx(float(sum(apart).detach()) / 3)
+    alone = build_model(
+        config_of(tmp_path, tmp_path, backbone=backbone, world="none", history="none"), SIZES
+    )
+    ratio = forward_flops(network, inputs(4)) / forward_flops(alone, inputs(4))
+    assert ratio == pytest.approx(3, rel=0.05)
     # what one member is wrong about moves no weight of another
     apart[0].backward()
     for name, weight in network.named_parameters():
