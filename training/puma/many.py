@@ -44,7 +44,7 @@ FRESH = ("--seed", "5")
 SPENT = {
     "data": ("data", 1.3, "demonstrations"),
     "finder": ("networks", 0.16, "steps"),
-    "policy": ("networks", 0.08, "steps"),
+    "policy": ("networks", 0.14, "steps"),
     "evaluation": ("evaluation", 1.5, "episodes"),
 }
 """Works: their stage, core-seconds of one, and what one is."""
