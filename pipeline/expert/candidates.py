@@ -55,7 +55,7 @@ def backed_off(tcp: Pose, distance: float) -> Pose:
 
 
 def hand_poses(actor: Actor, side: str, bodies: Floats) -> Floats:
-    """Tcp poses (N,7) that put the held body at the poses `bodies` (N,7)."""
+    """Tcp poses (N,7) that put the held body at `bodies` (N,7)."""
     return compose(bodies, inverse(actor.in_hand(side))[None])
 
 

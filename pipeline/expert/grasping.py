@@ -194,7 +194,7 @@ def _plan(actor: Actor, arm: ArmPlanner, name: str, body: Pose, options: GraspOp
 
 
 def _checks(arm: ArmPlanner, near: Sequence[tuple[str, str]], hands: float, jaws: float) -> _Checks:
-    """`near` pairs need no room; `hands` (m) is the gap of two hands."""
+    """`near` pairs need no room; `hands` (m) is the gap between hands."""
     return _Checks(
         closing=arm.checker(jaws=jaws, margin=MARGINS.contact, hands=hands),
         standing=arm.checker(jaws=jaws),

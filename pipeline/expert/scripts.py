@@ -98,7 +98,7 @@ def promising(a: Actor, arm: ArmPlanner, name: str, at: Pose, goals: Goals) -> b
 
 
 def find_seats(a: Actor, side: str, name: str, goals: Goals) -> Floats:
-    """Poses (N,7) at which the body can be set down and grasped again to reach a goal."""
+    """Poses (N,7) where the body can be set down and grasped again to reach a goal."""
     arm, start = a.arm_planner(side), a.pose(name)
     held = side in a.held
     try:
@@ -144,7 +144,7 @@ def _free_places(a: Actor, side: str, name: str) -> Floats:
 
 
 def _reached(arm: ArmPlanner, bodies: Floats, local: Floats) -> Ints:
-    """How many of the tcp poses `local` are in reach for each body pose (B,7)."""
+    """How many tcp poses `local` are in reach for each body pose (B,7)."""
     some = local[:: max(1, len(local) // SEAT.grasps)]
     tcp = compose(bodies[:, None], some)
     return arm.solve(tcp.reshape(-1, 7))[1].reshape(tcp.shape[:2]).sum(1)
