@@ -1,6 +1,6 @@
-"""When history matters: success of networks of states by replanning interval, latency, speed of the
-target, what they see of the past, and the demonstrations they learned from
-(docs/science/preregistration_phases.md).
+"""When history matters (docs/science/preregistration_phases.md): success of networks of states in
+cells of replanning interval, latency and speed. They see one or two frames, and learned from
+planned or reactive demonstrations.
 
 python -m benchmarks.phase_diagram run DIR [--rows FILE] [--workers N] [--minutes M] makes what is
 missing; the same command resumes
