@@ -167,6 +167,9 @@ def many(
     conditions: Annotated[
         str, typer.Option(help="Conditions of the evaluation; all by default.")
     ] = "",
+    twins: Annotated[
+        str, typer.Option(help="Networks beside the first: no-history, planned, static.")
+    ] = "",
     plan: Annotated[
         bool, typer.Option("--plan", help="Estimate core-hours by stage, and do nothing.")
     ] = False,
@@ -177,8 +180,8 @@ def many(
     from pipeline.run.names import check_known
     from pipeline.tasks import TASKS
     from pipeline.tasks.contract import expand_tasks
-    from training.puma import many as mixture
-    from training.puma.many import CONDITIONS, SPENT, STAGES, Many, commands, estimate, results
+    from training.puma.experiments import many_table
+    from training.puma.many import CONDITIONS, SPENT, STAGES, TWINS, Many, commands, estimate
 
     full = Many.full(out)
     named = expand_tasks(tasks.split(",")) if tasks else full.tasks
@@ -198,6 +201,7 @@ def many(
         ("--workers", str(workers)) if workers else (),
         _chosen("stages", stages, STAGES),
         _chosen("conditions", conditions, tuple(CONDITIONS)),
+        _chosen("twins", twins, tuple(TWINS)) if twins else (),
     )
     costs = estimate(wanted)
     for name, count, hours in costs:
@@ -206,9 +210,11 @@ def many(
     if plan:
         return
     _run(commands(wanted))
-    text = mixture.table(wanted)
+    text = many_table.table(wanted)
+    if twins:
+        text += f"\n\n{many_table.twins(wanted)}"
     (out / "table.md").write_text(text + "\n")
-    lines = [json.dumps(row) + "\n" for row in results(wanted)]
+    lines = [json.dumps(row) + "\n" for row in many_table.results(wanted)]
     (out / "rows.jsonl").write_text("".join(lines))
     print(text)
 

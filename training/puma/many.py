@@ -1,14 +1,11 @@
 """One network for many tasks (`make puma-many`): demonstrations in clean and randomized looks,
-networks, evaluations and a table, each a command that resumes."""
+networks, twins of the first one, and evaluations, each a command that resumes."""
 
 import json
 import zlib
-from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import product
 from pathlib import Path
-from typing import Any
 
 import pyarrow.parquet as pq
 
@@ -16,8 +13,6 @@ from pipeline.data.atomic import write_atomic
 from pipeline.data.dataset import Dataset
 from pipeline.data.parsing import read_json, read_yaml
 from pipeline.evaluate.policies.policy import Observation
-from pipeline.evaluate.scoring.results import EPISODES, Results, check_episode
-from pipeline.evaluate.scoring.statistics import clustered
 from pipeline.poses import Floats
 from training.puma import checkpoint
 from training.puma.experiments.paper import Command
@@ -77,6 +72,37 @@ def make_policy() -> MisledPolicy:
 STAGES = ("data", "networks", "evaluation")
 
 
+@dataclass(frozen=True)
+class Learner:
+    """A network by the name of its directory: the seed, and in what its training differs.
+
+    With an `expert`, or if it is shown `still` targets alone, it has as many demonstrations of its
+    own."""
+
+    name: str
+    seed: int = 0
+    settings: tuple[str, ...] = ()
+    expert: str = ""
+    still: bool = False
+
+    @property
+    def folder(self) -> str:
+        """The directory of its demonstrations in that of the run."""
+        return self.name if self.expert or self.still else ""
+
+
+TWINS = {
+    twin.name: twin
+    for twin in (
+        Learner("no-history", settings=("model.track.memory=false", "execute.still=null")),
+        Learner("planned", expert="planned"),
+        Learner("static", still=True),
+    )
+}
+"""Networks that differ from the first one of a run in one thing: they see one image at a time,
+learn from the planned expert, or learn from targets that stand still."""
+
+
 class MisledPolicy(PumaPolicy):
     """A policy that reads sentences of another task in place of its own."""
 
@@ -97,7 +123,8 @@ class Many:
     scenes of a task and level.
 
     `settings` are those of `puma train`, `workers` an option of builds and evaluations. Only these
-    `stages` are done, and networks are evaluated under these `conditions`."""
+    `stages` are done, and networks are evaluated under these `conditions`, `twins` (TWINS) under
+    the first one."""
 
     out: Path
     tasks: tuple[str, ...]
@@ -109,6 +136,7 @@ class Many:
     workers: tuple[str, ...] = ()
     stages: tuple[str, ...] = STAGES
     conditions: tuple[str, ...] = tuple(CONDITIONS)
+    twins: tuple[str, ...] = ()
 
     @classmethod
     def full(cls, out: Path) -> "Many":
@@ -122,17 +150,28 @@ class Many:
         config = read_config(CONFIG, self.settings)
         return 0 if config.model.track is None else config.model.track.steps, config.train.steps
 
-    def data(self, look: str, task: str) -> Path:
+    @property
+    def learners(self) -> tuple[Learner, ...]:
+        """All networks, twins last."""
+        own = (Learner(f"network_{seed}", seed) for seed in range(self.networks))
+        return (*own, *(TWINS[name] for name in self.twins))
+
+    def tried(self, learner: Learner) -> tuple[str, ...]:
+        """The conditions under which a network is evaluated."""
+        twin = learner.name in self.twins
+        return tuple(name for name in self.conditions if name == UNSEEN or not twin)
+
+    def data(self, look: str, task: str, folder: str = "") -> Path:
         """The dataset of a task."""
-        return self.out / look / task
+        return self.out / folder / look / task
 
-    def run(self, network: int) -> Path:
+    def run(self, learner: Learner) -> Path:
         """The run of a network."""
-        return self.out / f"network_{network}"
+        return self.out / learner.name
 
-    def evaluation(self, network: int, condition: str) -> Path:
+    def evaluation(self, learner: Learner, condition: str) -> Path:
         """The results of a network."""
-        return self.run(network) / condition.replace(" ", "_")
+        return self.run(learner) / condition.replace(" ", "_")
 
     def evaluated(self, condition: str) -> tuple[int, ...]:
         """The levels at which networks are evaluated."""
@@ -147,12 +186,20 @@ def estimate(many: Many) -> list[tuple[str, int, float]]:
     """Works of the stages that are done, how often each is done, and their core-hours on a core
     that does nothing else."""
     finder, policy = many.steps
-    cells = [len(many.evaluated(name)) * many.scenes_of(name) for name in many.conditions]
+    folders, cells = (
+        {learner.folder for learner in many.learners},
+        [
+            len(many.evaluated(name)) * many.scenes_of(name)
+            for learner in many.learners
+            for name in many.tried(learner)
+        ],
+    )
+    shown = len(many.tasks) * len(many.levels) * len(LOOKS) * many.demonstrations
     counts = {
-        "data": len(many.tasks) * len(many.levels) * len(LOOKS) * many.demonstrations,
-        "finder": many.networks * finder,
-        "policy": many.networks * policy,
-        "evaluation": many.networks * len(many.tasks) * sum(cells),
+        "data": len(folders) * shown,
+        "finder": len(many.learners) * finder,
+        "policy": len(many.learners) * policy,
+        "evaluation": len(many.tasks) * sum(cells),
     }
     return [
         (name, counts[name], counts[name] * seconds / 3600)
@@ -166,30 +213,41 @@ def commands(many: Many) -> Iterator[Command]:
 
     A network that has been trained is not trained again; all other commands resume in seconds.
     """
-    levels = ",".join(map(str, many.levels))
-    for task in many.tasks:
-        for look, options in LOOKS.items() if "data" in many.stages else ():
-            out = str(many.data(look, task))
-            size = ("--levels", levels, "--episodes", str(many.demonstrations))
-            words = ("build", "--manifest", str(RECIPE), "--tasks", task, *size, *options)
-            yield Command("domino-data", (*words, *many.workers, "--out", out), (0, 3))
-            export = ("export", out, "--format", "parquet", "--labels", "poses")
-            yield Command("domino-data", export)
-    for network in range(many.networks):
-        run = many.run(network)
+    built = set[str]()
+    for learner in many.learners:
+        if "data" in many.stages and learner.folder not in built:
+            built.add(learner.folder)
+            yield from _builds(many, learner)
         if "networks" in many.stages:
+            run = many.run(learner)
             if not checkpoint.checkpoint_path(run, many.steps[1]).exists():
-                words = ("train", "--config", CONFIG, "--out", str(run), *_keys(many, network))
+                words = ("train", "--config", CONFIG, "--out", str(run), *_keys(many, learner))
                 yield Command("puma", words)
             yield Command("puma", ("errors", str(run)))
-        for condition in many.conditions if "evaluation" in many.stages else ():
-            yield from _evaluations(many, network, condition)
+        for condition in many.tried(learner) if "evaluation" in many.stages else ():
+            yield from _evaluations(many, learner, condition)
 
 
-def _keys(many: Many, network: int) -> list[str]:
+def _builds(many: Many, learner: Learner) -> Iterator[Command]:
+    """The datasets that a network learns from; those of still targets are as large as others."""
+    levels, count = many.levels, many.demonstrations
+    if learner.still:
+        levels, count = (0,), len(many.levels) * count
+    size = ("--levels", ",".join(map(str, levels)), "--episodes", str(count))
+    expert = ("--expert", learner.expert) if learner.expert else ()
+    for task in many.tasks:
+        for look, options in LOOKS.items():
+            out = str(many.data(look, task, learner.folder))
+            words = ("build", "--manifest", str(RECIPE), "--tasks", task, *size, *options)
+            yield Command("domino-data", (*words, *expert, *many.workers, "--out", out), (0, 3))
+            export = ("export", out, "--format", "parquet", "--labels", "poses")
+            yield Command("domino-data", export)
+
+
+def _keys(many: Many, learner: Learner) -> list[str]:
     """The settings of a network: its data, what is learned of each task, and its seed."""
     sources = [
-        {"dataset": str(many.data(look, task).absolute())}
+        {"dataset": str(many.data(look, task, learner.folder).absolute())}
         | ({} if task in PRESSED else {"after_success": HELD})
         for task in many.tasks
         for look in LOOKS
@@ -197,14 +255,15 @@ def _keys(many: Many, network: int) -> list[str]:
     keys = [
         f"data.sources={json.dumps(sources)}",
         f"data.cache={many.out / 'cache'}",
-        f"train.seed={network}",
+        f"train.seed={learner.seed}",
+        *learner.settings,
         *many.settings,
     ]
     return [word for key in keys for word in ("--set", key)]
 
 
-def _evaluations(many: Many, network: int, condition: str) -> Iterator[Command]:
-    held, out = checkpoint.newest(many.run(network)), many.evaluation(network, condition)
+def _evaluations(many: Many, learner: Learner, condition: str) -> Iterator[Command]:
+    held, out = checkpoint.newest(many.run(learner)), many.evaluation(learner, condition)
     for number, task in enumerate(many.tasks):
         policy = held / "policy.py"
         if condition == SWAPPED:
@@ -233,43 +292,3 @@ def _sentences(many: Many, task: str) -> list[str]:
     kept.parent.mkdir(parents=True, exist_ok=True)
     write_atomic(kept, json.dumps(found, indent=1).encode())
     return found
-
-
-def results(many: Many) -> list[dict[str, Any]]:
-    """What has been evaluated: a row an episode, with network, condition, task, level, seed of the
-    scene, success, and whether the target was met."""
-    found = list[dict[str, Any]]()
-    for network, condition, task in product(range(many.networks), CONDITIONS, many.tasks):
-        path = many.evaluation(network, condition) / task / EPISODES
-        found += [
-            {"network": network, "condition": condition, "task": task}
-            | {name: row[name] for name in ("level", "seed", "success")}
-            | {"met": row.get("meeting") is not None}
-            for row in (Results(path, check_episode).rows() if path.exists() else ())
-        ]
-    return found
-
-
-def table(many: Many) -> str:
-    """Success rates by condition, task and level, then of all tasks, networks together, with 95 %
-    intervals that are clustered by scene."""
-    cells = defaultdict[tuple[str, str, int], list[dict[str, Any]]](list)
-    found = results(many)
-    for row in found:
-        cells[row["condition"], row["task"], row["level"]].append(row)
-    for row in found:
-        cells[row["condition"], "all tasks", row["level"]].append(row)
-    lines = [
-        "| condition | task | level | met | solved | SR % (95 %) |",
-        "|---|---|---:|---:|---:|---|",
-    ]
-    for (condition, task, level), tried in cells.items():
-        scenes = defaultdict[tuple[str, int], list[bool]](list)
-        for row in tried:
-            scenes[row["task"], row["seed"]].append(row["success"])
-        low, high = clustered([(sum(won), len(won)) for won in scenes.values()])
-        met, solved = (sum(row[name] for row in tried) for name in ("met", "success"))
-        rate = f"{100 * solved / len(tried):.0f} ({100 * low:.0f}-{100 * high:.0f})"
-        head = f"| {condition} | {task} | {level} | {met} | {solved} of {len(tried)} | {rate} |"
-        lines.append(head)
-    return "\n".join(lines)

@@ -21,9 +21,10 @@ from training.puma.corpus.mixture import open_corpus
 from training.puma.corpus.samples import batch_of
 from training.puma.corpus.split import pooled
 from training.puma.errors import TrainError
+from training.puma.experiments.many_table import table, twins
 from training.puma.finding import tracking
 from training.puma.finding.tracking import with_tracks
-from training.puma.many import Many, MisledPolicy, commands, estimate, table
+from training.puma.many import Many, MisledPolicy, commands, estimate
 from training.puma.measure.checks import errors, replay_check
 from training.puma.model.finder import FinderNet, finding_loss, learn_tasks
 from training.puma.model.puma import build_model
@@ -262,7 +263,7 @@ def test_a_run_is_commands_and_its_table_is_of_what_was_evaluated(tmp_path: Path
         for seed in range(4)
     ]
     for some in (rows[:4], rows[4:]):
-        out = many.evaluation(0, "unseen sentences") / some[0]["task"]
+        out = many.evaluation(many.learners[0], "unseen sentences") / some[0]["task"]
         out.mkdir(parents=True)
         (out / "episodes.jsonl").write_text("".join(json.dumps(row) + "\n" for row in some))
     bell, bottle, together = table(many).splitlines()[2:]
@@ -270,3 +271,55 @@ def test_a_run_is_commands_and_its_table_is_of_what_was_evaluated(tmp_path: Path
     assert " 0 of 4 " in bottle
     # scenes of one seed in two tasks are two scenes
     assert together.startswith("| unseen sentences | all tasks | 1 | 4 | 3 of 8 | 38 (14-69)")
+
+
+def test_twins_differ_in_one_thing_and_are_told_beside_the_first_network(tmp_path: Path):
+    """Of two tasks the twin solves two scenes more of one; scenes that only one tried are out."""
+    tasks, named = ("click_bell", "adjust_bottle"), ("static", "planned", "no-history")
+    many = Many(tmp_path, tasks, (0, 1), 2, networks=1, scenes=4, twins=named)
+    builds = [
+        command.words for command in commands(replace(many, stages=("data",)))
+        if command.words[0] == "build"
+    ]  # fmt: skip
+    shared, still, planned = (
+        [words for words in builds if (tmp_path / folder) in Path(words[-1]).parents]
+        for folder in ("clean", "static", "planned")
+    )
+    assert len(builds) == 3 * 4 and len(shared) == 2 and len(still) == len(planned) == 4
+    size = {words[words.index("--levels") + 1 :][:3:2] for words in still}
+    assert size == {("0", "4")}
+    assert all("planned" in words for words in planned)
+    assert not any("planned" in words for words in [*shared, *still])
+    assert {name: count for name, count, _ in estimate(many)} == {
+        **{"data": 3 * 2 * 2 * 2 * 2, "finder": 4 * 12_000, "policy": 4 * 9_000},
+        "evaluation": 2 * (4 * 4 + 1 + 3 * 2 * 4),
+    }
+    [command] = [
+        str(command) for command in commands(replace(many, stages=("networks",)))
+        if "memory=false" in str(command)
+    ]  # fmt: skip
+    assert "no-history" in command and f"{tmp_path}/clean/click_bell" in command
+
+    def evaluated(name: str, task: str, wins: int, seeds: range) -> None:
+        learner = next(each for each in many.learners if each.name == name)
+        out = many.evaluation(learner, "unseen sentences") / task
+        out.mkdir(parents=True)
+        rows = [
+            {
+                **{"key": json.dumps(["a", "b", "c", "d", task, seed]), "policy": name},
+                **{"clock": "sim", "rules": "strict", "task": task, "embodiment": "aloha"},
+                **{"domain": "clean", "category": "interception", "failure": "", "level": 1},
+                **{"success": seed < wins, "meeting": None, "same_start": True},
+                **{"sees_truth": False, "alpha": 0.1, "seed": seed, "failed": []},
+                **{"route_completion": 1, "manipulation_score": 1, "penalties": []},
+            }
+            for seed in seeds
+        ]
+        (out / "episodes.jsonl").write_text("".join(json.dumps(row) + "\n" for row in rows))
+
+    for task, first, other in (("click_bell", 1, 3), ("adjust_bottle", 2, 2)):
+        evaluated("network_0", task, first, range(4))
+        evaluated("static", task, other, range(5))
+    [line] = twins(many).splitlines()[2:]
+    assert line.startswith("| static | 1 | 8 | 38 | 62 | +25.0 (")
+    assert "| 3 of 8 |" in table(many)
