@@ -112,14 +112,14 @@ def test_an_unseen_sentence_is_taken_for_its_task_and_does_what_its_own_sentence
         "kindly make this small shiny bell sound",
         "carefully raise up one heavy green bottle",
     )
-    for text, ids, expected in zip(unseen, known, own, strict=True):
+    for number, (text, ids, expected) in enumerate(zip(unseen, known, own, strict=True)):
         told = words.ids([text])
         # more than half of it is in no sentence of training
         assert np.isin(told[told >= 0].numpy(), ids.numpy()).mean() < 0.5
-        # by a few of its pieces a sentence is read as that of its task
-        read = finder.reader(torch.where(torch.rand(200, ids.shape[1]) < 0.1, ids[1], -1))
-        off = (read - finder.read(ids[:1])).norm(dim=1).median()
-        assert off < 0.8 * (finder.means[0] - finder.means[1]).norm()
+        # a sentence is still taken for its task by a few of its pieces
+        few = torch.where(torch.rand(200, ids.shape[1]) < 0.1, ids[1], -1)
+        few = few[(few >= 0).any(1)]
+        assert (finder.task_of(few).argmax(1) == number).float().mean() > 0.8
         found = finder.find(image, told)
         assert all(np.array_equal(a, b) for a, b in zip(found, expected, strict=True))
 

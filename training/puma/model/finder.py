@@ -29,10 +29,14 @@ UNREAD = 0.2
 """Share of the pieces of a sentence that are left out in training: others must do without them."""
 
 UNKNOWN = (0.3, 0.95)
-"""The same where sentences are taken for tasks: the range from which it is drawn for each one."""
+"""The same where tasks are learned: the range from which it is drawn for each sentence."""
 
 SENTENCES = 192
 """Sentences of a step in which tasks are learned."""
+
+SHARPNESS = 30.0
+"""Factor of the mean over the pieces of a sentence, of which softmax gives the likelihood of each
+task."""
 
 type Images = NDArray[np.uint8]
 type Floats = NDArray[np.float32]
@@ -92,6 +96,7 @@ class FinderNet(nn.Module):
         self.reader = Reader(pieces, told) if told else None
         if tasks:
             self.register_buffer("means", torch.zeros(tasks, told))
+            self.says = nn.Embedding(pieces, tasks)
         self.coarse = Locator(bodies * settings.points, settings.width, told)
         which = bodies if bodies > 1 else 0
         self.fine = Locator(settings.points, settings.width, told + which)
@@ -121,13 +126,19 @@ class FinderNet(nn.Module):
 
     def read(self, ids: Tensor | None) -> Tensor | None:
         """Embeddings (N,E) of sentences; None where none are read. Once it is trained, a finder
-        that knows its tasks gives the nearest of their means."""
+        that knows its tasks gives the mean of the likeliest one."""
         if self.reader is None or ids is None:
             return None
-        found = self.reader(ids.to(next(self.parameters()).device))
+        ids = ids.to(next(self.parameters()).device)
         if self.training or not self.tasks:
-            return found
-        return self.means[torch.cdist(found, self.means).argmin(1)]
+            return self.reader(ids)
+        return self.means[self.task_of(ids).argmax(1)]
+
+    def task_of(self, ids: Tensor) -> Tensor:
+        """Logits (N,T) of the task that sentences (N,L) ask for."""
+        read = (ids >= 0)[..., None]
+        said = (self.says(ids.clamp(min=0)) * read).sum(1)
+        return SHARPNESS * said / read.sum(1).clamp(min=1)
 
     def add_bodies(self, read: Tensor | None, count: int) -> Tensor | None:
         """What the second locator is told (B N,T) for the crops of every body of `count` images:
@@ -159,26 +170,25 @@ class FinderNet(nn.Module):
 
 
 def learn_tasks(finder: FinderNet, sentences: Sequence[Tensor], steps: int, seed: int) -> None:
-    """Keep the means of what the sentences (N,L) of each task read. Teach the reader to give
-    them by a few pieces of a sentence. Most pieces of an unseen one are unknown."""
+    """Keep the mean of what the sentences (N,L) of each task read. Learn to tell the task by a few
+    pieces of a sentence: most pieces of an unseen one are unknown."""
     reader, rng = finder.reader, np.random.default_rng([seed, len(sentences)])
     assert reader is not None
     device, peak = finder.means.device, finder.settings.rate
-    # what is left out is drawn below
-    reader.requires_grad_(True).eval()
+    reader.eval()
     with torch.no_grad():
         read = [[reader(some.to(device)) for some in ids.split(512)] for ids in sentences]
         finder.means.copy_(torch.stack([torch.cat(parts).mean(0) for parts in read]))
-    optimizer = torch.optim.AdamW(reader.parameters(), peak, weight_decay=1e-3)
+        nn.init.zeros_(finder.says.weight)
+    optimizer = torch.optim.AdamW(finder.says.parameters(), peak, weight_decay=1e-3)
     schedule = torch.optim.lr_scheduler.OneCycleLR(optimizer, peak, total_steps=steps)
     for _ in range(steps):
         which = rng.integers(len(sentences), size=SENTENCES)
         rows = [sentences[task][rng.integers(len(sentences[task]))].numpy() for task in which]
         ids = padded(rows).numpy()
         unread = rng.random(ids.shape) < rng.uniform(*UNKNOWN, (SENTENCES, 1))
-        found = reader(torch.from_numpy(np.where(unread, PADDING, ids)).to(device))
-        wanted = finder.means[torch.from_numpy(which).to(device)]
-        loss = ((found - wanted) ** 2).sum(1).mean()
+        told = finder.task_of(torch.from_numpy(np.where(unread, PADDING, ids)).to(device))
+        loss = nn.functional.cross_entropy(told, torch.from_numpy(which).to(device))
         optimizer.zero_grad()
         loss.backward()
         optimizer.step()
