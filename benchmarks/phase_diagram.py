@@ -169,12 +169,17 @@ def main() -> None:
     verbs = parser.add_subparsers(dest="verb", required=True)
     doing, telling = verbs.add_parser("run"), verbs.add_parser("report")
     doing.add_argument("root", type=Path)
-    doing.add_argument("--workers", type=int, default=1)
-    doing.add_argument("--minutes", type=float, default=float("inf"))
+    doing.add_argument("--workers", type=int, default=1, help="processes, 1 or more")
+    doing.add_argument(
+        "--minutes", type=float, default=float("inf"), help="after these no unit is begun"
+    )
     for verb in (doing, telling):
-        verb.add_argument("--rows", type=Path, default=ROWS)
+        verb.add_argument("--rows", type=Path, default=ROWS, help="file of JSON lines")
     given = parser.parse_args()
     if given.verb == "run":
+        if given.workers < 1:
+            parser.error("--workers: 1 or more")
+        given.root.mkdir(parents=True, exist_ok=True)
         run(given.root, given.rows, given.workers, given.minutes)
     else:
         report(given.rows)

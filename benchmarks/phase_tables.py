@@ -155,18 +155,14 @@ def by_task(rows: Sequence[Row]) -> dict[str, Cube]:
 
 
 def contrasts(cubes: Mapping[str, Cube]) -> str:
-    """The primary contrasts, corrected by Holm's method over all tasks."""
-    found = [
-        (task, name, cube, crossed(contrast(cube)))
-        for task, cube in cubes.items()
-        for name, contrast in PRIMARY.items()
-    ]
-    corrected = holm([estimate.p for *_, estimate in found])
-    lines = [
-        [task, name, f"{len(cube.sets)} x {len(cube.networks)}", estimate, f"{estimate.p:.2g}",
-         f"{p:.2g}"]
-        for (task, name, cube, estimate), p in zip(found, corrected, strict=True)
-    ]  # fmt: skip
+    """The primary contrasts, corrected by Holm's method over those of each task."""
+    lines = list[list[object]]()
+    for task, cube in cubes.items():
+        found = {name: crossed(contrast(cube)) for name, contrast in PRIMARY.items()}
+        corrected = holm([estimate.p for estimate in found.values()])
+        size = f"{len(cube.sets)} x {len(cube.networks)}"
+        for (name, estimate), p in zip(found.items(), corrected, strict=True):
+            lines.append([task, name, size, estimate, f"{estimate.p:.2g}", f"{p:.2g}"])
     head = ("task", "contrast", "sets x networks", "points (95 %)", "p", "p (Holm)")
     return markdown(head, lines)
 

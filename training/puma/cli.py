@@ -221,7 +221,7 @@ def many(
 
 def _chosen(option: str, text: str, known: tuple[str, ...]) -> tuple[str, ...]:
     """Some of the `known` names, divided by commas; all for no text."""
-    names = tuple(text.split(",")) if text else known
+    names = tuple(dict.fromkeys(text.split(","))) if text else known
     if wrong := [name for name in names if name not in known]:
         raise typer.BadParameter(f"--{option} {wrong[0]!r}: choose {', '.join(known)}")
     return names
