@@ -6,8 +6,9 @@ python -m benchmarks.phase_diagram run DIR [--rows FILE] [--workers N] [--minute
 missing; the same command resumes
 python -m benchmarks.phase_diagram report [--rows FILE] writes tables and figure of phases.md
 
-A row of FILE is one network in one cell: {"task", "set", "network", "arm", "inputs", "execute",
-"latency", "alpha", "tried", "solved"}, the scenes by seed.
+A row of FILE is one network: {"task", "set", "network", "arm", "inputs", "scenes", "solved"}. The
+scenes are seeds by speed. Of each cell, "execute latency alpha", `solved` has a 1 or 0 for each
+scene.
 """
 
 import argparse
@@ -100,23 +101,18 @@ class PhaseStudy:
         found = kept.admitted(tuple(recipe.cells()), self.each, run)
         return {cell.alpha: cases for cell, cases in found.items()}
 
-    def rows(self, unit: NetworkUnit) -> list[Row]:
+    def row(self, unit: NetworkUnit) -> Row:
         """The network of a unit in all cells."""
         path, setup = self.network(unit, _here), blind(self.recipe(unit.task, 0, ARMS[0]))
-        rows = list[Row]()
-        scenes = self.scenes(unit.task, _here)
+        scenes, solved = self.scenes(unit.task, _here), dict[str, str]()
         for execute, latency, alpha in itertools.product(EXECUTED, LATENCIES, ALPHAS):
             policy = LadderForm().name(f"ladder:{path}?execute={execute}")
             clock = parse_clock(f"latency:{latency}" if latency else "sim")
-            solved = [
-                case.spec.seed
-                for case in scenes[alpha]
-                if run_episode(EpisodeJob(case, policy, clock, setup=setup))["success"]
-            ]
-            cell = {"execute": execute, "latency": latency, "alpha": alpha}
-            tried = [case.spec.seed for case in scenes[alpha]]
-            rows.append({**asdict(unit), **cell, "tried": tried, "solved": solved})
-        return rows
+            jobs = [EpisodeJob(case, policy, clock, setup=setup) for case in scenes[alpha]]
+            cell = f"{execute} {latency} {alpha:g}"
+            solved[cell] = "".join(str(int(run_episode(job)["success"])) for job in jobs)
+        seeds = {f"{alpha:g}": [case.spec.seed for case in scenes[alpha]] for alpha in ALPHAS}
+        return {**asdict(unit), "scenes": seeds, "solved": solved}
 
 
 def _here(work: Callable[[Any], Any], jobs: Sequence[Any]) -> Iterator[tuple[Any, Any]]:
@@ -138,7 +134,7 @@ def run(root: Path, rows: Path, workers: int, minutes: float) -> None:
     study, until = PhaseStudy(root, code_version()), time.monotonic() + 60 * minutes
     known = [json.loads(line) for line in rows.read_text().splitlines()] if rows.exists() else []
     left = [u for u in units() if not any(asdict(u).items() <= row.items() for row in known)]
-    running = dict[Future[list[Row]], NetworkUnit]()
+    running = dict[Future[Row], NetworkUnit]()
     with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
         for unit in left:
             if time.monotonic() > until:
@@ -146,19 +142,17 @@ def run(root: Path, rows: Path, workers: int, minutes: float) -> None:
             # made by all processes, before a network waits for them
             study.scenes(unit.task, pooled(pool))
             study.network(unit, pooled(pool))
-            running[pool.submit(study.rows, unit)] = unit
+            running[pool.submit(study.row, unit)] = unit
             if len(running) >= workers:
                 _keep(rows, running, wait(running, return_when=FIRST_COMPLETED).done)
         _keep(rows, running, wait(running).done)
 
 
-def _keep(
-    rows: Path, running: dict[Future[list[Row]], NetworkUnit], done: set[Future[list[Row]]]
-) -> None:
+def _keep(rows: Path, running: dict[Future[Row], NetworkUnit], done: set[Future[Row]]) -> None:
     for each in done:
         print(running.pop(each), flush=True)
         with rows.open("a") as file:
-            file.write("".join(json.dumps(row) + "\n" for row in each.result()))
+            file.write(json.dumps(each.result()) + "\n")
 
 
 def main() -> None:

@@ -78,33 +78,41 @@ class Cube:
     networks that all arms have."""
 
     def __init__(self, rows: Sequence[Row]) -> None:
-        self._rows = {
-            (r["arm"], r["inputs"], r["execute"], r["latency"], r["alpha"], r["set"], r["network"]):
-            r
+        self._solved = {
+            (r["arm"], r["inputs"], r["set"], r["network"]): {
+                self._cell(name): [int(won) for won in text] for name, text in r["solved"].items()
+            }
             for r in rows
-        }  # fmt: skip
-        self.arms, self.inputs, self.executed, self.latencies, self.alphas, sets, networks = (
-            sorted({key[i] for key in self._rows}) for i in range(7)
-        )
-        whole = [
+        }
+        cells = {cell for solved in self._solved.values() for cell in solved}
+        self.executed = sorted({execute for execute, _, _ in cells})
+        self.latencies = sorted({latency for _, latency, _ in cells})
+        self.alphas = sorted({alpha for *_, alpha in cells})
+        self.arms = sorted({arm for arm, *_ in self._solved})
+        self.inputs = sorted({inputs for _, inputs, _, _ in self._solved})
+        self.sets = sorted({held for _, _, held, _ in self._solved})
+        networks = sorted({network for *_, network in self._solved})
+        self.networks = [
             network
             for network in networks
             if all(
-                (*kind, held, network) in self._rows
-                for kind in {key[:5] for key in self._rows}
-                for held in sets
+                (arm, inputs, held, network) in self._solved
+                for arm, inputs, held in itertools.product(self.arms, self.inputs, self.sets)
             )
         ]
-        self.sets, self.networks = sets, whole
+
+    @staticmethod
+    def _cell(name: str) -> Cell:
+        execute, latency, alpha = name.split()
+        return int(execute), int(latency), float(alpha)
 
     def of(self, arm: str, inputs: str, cell: Cell) -> Floats:
         """(A,B,S), in the order of scenes."""
-        rows = [
-            [self._rows[arm, inputs, *cell, held, network] for network in self.networks]
-            for held in self.sets
-        ]
         return 100 * np.array(
-            [[[seed in row["solved"] for seed in row["tried"]] for row in held] for held in rows],
+            [
+                [self._solved[arm, inputs, held, network][cell] for network in self.networks]
+                for held in self.sets
+            ],
             float,
         )
 
