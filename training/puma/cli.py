@@ -180,7 +180,7 @@ def many(
     from pipeline.run.names import check_known
     from pipeline.tasks import TASKS
     from pipeline.tasks.contract import expand_tasks
-    from training.puma.experiments import many_table
+    from training.puma import many_table
     from training.puma.many import CONDITIONS, SPENT, STAGES, TWINS, Many, commands, estimate
 
     full = Many.full(out)

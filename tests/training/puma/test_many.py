@@ -21,10 +21,10 @@ from training.puma.corpus.mixture import open_corpus
 from training.puma.corpus.samples import batch_of
 from training.puma.corpus.split import pooled
 from training.puma.errors import TrainError
-from training.puma.experiments.many_table import table, twins
 from training.puma.finding import tracking
 from training.puma.finding.tracking import with_tracks
 from training.puma.many import Many, MisledPolicy, commands, estimate
+from training.puma.many_table import table, twins
 from training.puma.measure.checks import errors, replay_check
 from training.puma.model.finder import FinderNet, finding_loss, learn_tasks
 from training.puma.model.puma import build_model
