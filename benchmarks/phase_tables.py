@@ -15,6 +15,7 @@ from scipy.stats import t as student
 
 from benchmarks.causal_tables import fill_in
 from benchmarks.study.rows import markdown
+from pipeline.data.clock import DEFAULT_FPS
 from pipeline.evaluate.scoring.statistics import holm
 from pipeline.poses import Floats
 
@@ -64,7 +65,7 @@ def crossed(values: ArrayLike) -> CrossedMean:
     # the third is in both others; of a chance excess of it, no negative variance is made
     total = max(squares[0] + squares[1] - squares[2], squares[:2].max())
     if total <= 0:
-        return CrossedMean(mean, mean, mean, float(mean == 0))
+        return CrossedMean(float(mean), float(mean), float(mean), float(mean == 0))
     signs = squares * (1, 1, -1)
     df = max(1.0, total**2 / (signs**2 / freedom).sum())
     error = float(np.sqrt(total / y.size))
@@ -90,16 +91,15 @@ class Cube:
         self.alphas = sorted({alpha for *_, alpha in cells})
         self.arms = sorted({arm for arm, *_ in self._solved})
         self.inputs = sorted({inputs for _, inputs, _, _ in self._solved})
-        self.sets = sorted({held for _, _, held, _ in self._solved})
+        # networks come one by one: sets that have the first one, then networks that these have
+        sets = sorted({held for _, _, held, _ in self._solved})
         networks = sorted({network for *_, network in self._solved})
-        self.networks = [
-            network
-            for network in networks
-            if all(
-                (arm, inputs, held, network) in self._solved
-                for arm, inputs, held in itertools.product(self.arms, self.inputs, self.sets)
-            )
-        ]
+        self.sets = [held for held in sets if self._has(held, networks[0])]
+        self.networks = [n for n in networks if all(self._has(held, n) for held in self.sets)]
+
+    def _has(self, held: int, network: int) -> bool:
+        arms = itertools.product(self.arms, self.inputs)
+        return all((*arm, held, network) in self._solved for arm in arms)
 
     @staticmethod
     def _cell(name: str) -> Cell:
@@ -157,9 +157,9 @@ PRIMARY: Contrasts = {
 
 def by_task(rows: Sequence[Row]) -> dict[str, Cube]:
     """The tasks that have a network of all arms in two sets or more."""
-    cubes = {task: Cube([row for row in rows if row["task"] == task])
-             for task in dict.fromkeys(row["task"] for row in rows)}  # fmt: skip
-    return {task: cube for task, cube in cubes.items() if cube.networks and len(cube.sets) > 1}
+    tasks = dict.fromkeys(row["task"] for row in rows)
+    cubes = {task: Cube([row for row in rows if row["task"] == task]) for task in tasks}
+    return {task: cube for task, cube in cubes.items() if len(cube.sets) > 1}
 
 
 def contrasts(cubes: Mapping[str, Cube]) -> str:
@@ -177,18 +177,15 @@ def contrasts(cubes: Mapping[str, Cube]) -> str:
 
 def success(cubes: Mapping[str, Cube]) -> str:
     """Success of every cell, without and with history, by arm."""
-    lines = [
-        [task, arm, f"{execute / 15:.2f}", latency, f"{alpha:g}",
-         *(f"{cube.of(arm, inputs, cell).mean():.0f}" for inputs in ("position", "two_frames")),
-         crossed(cube.of(arm, "two_frames", cell) - cube.of(arm, "position", cell))]
-        for task, cube in cubes.items()
-        for arm in cube.arms
-        for cell in cube.cells()
-        for execute, latency, alpha in [cell]
-    ]  # fmt: skip
-    head = ("task", "demonstrations", "interval (s)", "latency (ms)", "alpha (m/s)", "one frame, %",
-            "two frames, %", "difference, points (95 %)")  # fmt: skip
-    return markdown(head, lines)
+    lines = list[list[object]]()
+    for task, cube in cubes.items():
+        for arm, cell in itertools.product(cube.arms, cube.cells()):
+            one, two = (cube.of(arm, inputs, cell) for inputs in ("position", "two_frames"))
+            where = (f"{cell[0] / DEFAULT_FPS:.2f}", cell[1], f"{cell[2]:g}")
+            lines.append([task, arm, *where, f"{one.mean():.0f}", f"{two.mean():.0f}"])
+            lines[-1].append(crossed(two - one))
+    head = ("task", "demonstrations", "interval (s)", "latency (ms)", "alpha (m/s)")
+    return markdown((*head, "one frame, %", "two frames, %", "difference, points (95 %)"), lines)
 
 
 def draw(cubes: Mapping[str, Cube], plot: Path) -> None:
@@ -200,22 +197,24 @@ def draw(cubes: Mapping[str, Cube], plot: Path) -> None:
         for arm, inputs in itertools.product(cube.arms, cube.inputs)
     ]
     columns = len(kinds[0][1].alphas)
+    size = (2.3 * columns + 1, 1.7 * len(kinds))
     figure, axes = plt.subplots(
-        len(kinds), columns, figsize=(2.3 * columns + 1, 1.7 * len(kinds)),
-        layout="constrained", squeeze=False, sharex=True, sharey=True,
-    )  # fmt: skip
+        len(kinds), columns, sharex=True, sharey=True, squeeze=False, figsize=size
+    )
+    figure.set_layout_engine("constrained")
     seen = {"position": "one frame", "two_frames": "two frames"}
     for line, (task, cube, arm, inputs) in zip(axes, kinds, strict=True):
         for axis, alpha in zip(line, cube.alphas, strict=True):
-            rate = np.array(
-                [[cube.of(arm, inputs, (execute, latency, alpha)).mean()
-                  for execute in cube.executed] for latency in cube.latencies]
-            )  # fmt: skip
+            cells = itertools.product(cube.latencies, cube.executed)
+            rates = [cube.of(arm, inputs, (execute, ms, alpha)).mean() for ms, execute in cells]
+            rate = np.reshape(rates, (len(cube.latencies), len(cube.executed)))
             axis.imshow(rate, vmin=0, vmax=100, cmap="viridis", origin="lower")
             for (y, x), value in np.ndenumerate(rate):
                 colour = "white" if value < 60 else "black"
                 axis.text(x, y, f"{value:.0f}", ha="center", va="center", color=colour, fontsize=8)
-            axis.set_xticks(range(len(cube.executed)), [f"{e / 15:.2f}" for e in cube.executed])
+            axis.set_xticks(
+                range(len(cube.executed)), [f"{e / DEFAULT_FPS:.2f}" for e in cube.executed]
+            )
             axis.set_yticks(range(len(cube.latencies)), list(map(str, cube.latencies)))
             axis.set_title(f"{alpha:g} m/s" if axis in axes[0] else "", fontsize=9)
         line[0].set_ylabel(f"{task}\n{arm}\n{seen[inputs]}\nlatency (ms)", fontsize=7)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.stats import ttest_1samp
 
-from benchmarks.phase_diagram import ARMS, INPUTS, NETWORKS, SETS, TASKS, units
+from benchmarks.phase_diagram import EXPERTS, INPUTS, NETWORKS, SETS, TASKS, units
 from benchmarks.phase_tables import PRIMARY, CrossedMean, by_task, contrasts, crossed, draw, success
 
 
@@ -60,7 +60,7 @@ def test_every_kind_of_network_comes_once_and_early():
     wanted = list(units())
     kinds = Counter((u.task, u.set, u.network, u.arm, u.inputs) for u in wanted)
     assert set(kinds.values()) == {1}
-    assert len(wanted) == len(TASKS) * SETS * NETWORKS * len(ARMS) * len(INPUTS)
+    assert len(wanted) == len(TASKS) * SETS * NETWORKS * len(EXPERTS) * len(INPUTS)
     first = {(u.task, u.set, u.arm, u.inputs) for u in wanted[: len(wanted) // NETWORKS]}
     assert len(first) == len(wanted) // NETWORKS
 
@@ -72,7 +72,7 @@ def test_tables_count_what_rows_say(tmp_path):
     rows = [
         {"task": "click_bell", "set": held, "network": network, "arm": arm, "inputs": inputs}
         | {"scenes": {}, "solved": dict.fromkeys(cells, "1" * high + "0" * (10 - high))}
-        for held, network, arm, inputs in product(range(3), range(2), ARMS, INPUTS)
+        for held, network, arm, inputs in product(range(3), range(2), EXPERTS, INPUTS)
         for high in [6 if (arm, inputs) == ("reactive", "two_frames") else 2]
     ]
     rows = rows[:-1]  # the last network has not been evaluated
@@ -87,3 +87,7 @@ def test_tables_count_what_rows_say(tmp_path):
     assert len(contrasts(cubes).splitlines()) == 2 + len(PRIMARY)
     draw(cubes, tmp_path / "phases.png")
     assert (tmp_path / "phases.png").stat().st_size > 1000
+    # of a set that has only begun nothing counts, and the others do
+    began = [r for r in rows if r["network"] == 0 and (r["set"] < 2 or r["arm"] == "planned")]
+    assert by_task(began)["click_bell"].sets == [0, 1]
+    assert not by_task([row for row in began if row["set"] == 0])

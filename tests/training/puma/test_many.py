@@ -119,7 +119,7 @@ def test_an_unseen_sentence_is_taken_for_its_task_and_does_what_its_own_sentence
         # a sentence is still taken for its task by a few of its pieces
         few = torch.where(torch.rand(200, ids.shape[1]) < 0.1, ids[1], -1)
         few = few[(few >= 0).any(1)]
-        assert (finder.task_of(few).argmax(1) == number).float().mean() > 0.8
+        assert (finder.task_logits(few).argmax(1) == number).float().mean() > 0.8
         found = finder.find(image, told)
         assert all(np.array_equal(a, b) for a, b in zip(found, expected, strict=True))
 

@@ -132,9 +132,9 @@ class FinderNet(nn.Module):
         ids = ids.to(next(self.parameters()).device)
         if self.training or not self.tasks:
             return self.reader(ids)
-        return self.means[self.task_of(ids).argmax(1)]
+        return self.means[self.task_logits(ids).argmax(1)]
 
-    def task_of(self, ids: Tensor) -> Tensor:
+    def task_logits(self, ids: Tensor) -> Tensor:
         """Logits (N,T) of the task that sentences (N,L) ask for."""
         read = (ids >= 0)[..., None]
         said = (self.says(ids.clamp(min=0)) * read).sum(1)
@@ -187,7 +187,7 @@ def learn_tasks(finder: FinderNet, sentences: Sequence[Tensor], steps: int, seed
         rows = [sentences[task][rng.integers(len(sentences[task]))].numpy() for task in which]
         ids = padded(rows).numpy()
         unread = rng.random(ids.shape) < rng.uniform(*UNKNOWN, (SENTENCES, 1))
-        told = finder.task_of(torch.from_numpy(np.where(unread, PADDING, ids)).to(device))
+        told = finder.task_logits(torch.from_numpy(np.where(unread, PADDING, ids)).to(device))
         loss = nn.functional.cross_entropy(told, torch.from_numpy(which).to(device))
         optimizer.zero_grad()
         loss.backward()
